@@ -52,7 +52,7 @@ Floats = NDArray[np.float64]
 
 #: Seeds of the episodes: below are those of the comparison, above those of evaluations in training.
 SEEDS = range(1_000_000, 2_000_000)
-#: Greatest effort, over the tuned base's on the same episodes, but where `LIMITS` has another.
+#: Maximum effort, over the tuned base's on the same episodes, but where `LIMITS` has another.
 LIMIT = 1.1
 #: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
 STEPS = {"station-keep": 0.025, "ee-track": 0.01}
@@ -68,7 +68,7 @@ STARTS = {
 
 
 class Limits(NamedTuple):
-    """Greatest effort and variation of commands; None: no limit."""
+    """Maximum effort and variation of commands; None: no limit."""
 
     effort: float | None = None
     variation: float | None = None

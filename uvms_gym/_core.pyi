@@ -125,7 +125,7 @@ def optimize_trajectory(
     iterations: int,
     tolerance: float,
 ) -> dict[str, Any]:
-    """Trajectories of least cost; see `uvms_gym.optimize_trajectory`."""
+    """Trajectories of minimum cost; see `uvms_gym.optimize_trajectory`."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -201,7 +201,7 @@ class Simulator:
     thruster_names: Final[list[str]]
     """Names of the thrusters."""
     thruster_limits: Final[_Floats]
-    """(m, 2) least and greatest thrust, N; of the first instance where they differ."""
+    """(m, 2) minimum and maximum thrust, N; of the first instance where they differ."""
     thruster_configuration: Final[_Floats]
     """(6, m) wrench on the vehicle per thrust; of the first instance where they differ. [HC eq. 25]"""
     num_fins: Final[int]
@@ -209,7 +209,7 @@ class Simulator:
     fin_names: Final[list[str]]
     """Names of the fins."""
     fin_limits: Final[_Floats]
-    """(k, 2) least and greatest deflection, rad."""
+    """(k, 2) minimum and maximum deflection, rad."""
     bytes_per_env: Final[int]
     """Bytes of memory per instance."""
     state_size: Final[int]
@@ -436,7 +436,7 @@ class Simulator:
     def stable_steps(
         self, speed: _Rows = None, *, joint_servos: bool = True, vehicle_servo: bool = True, end_stops: bool = True
     ) -> dict[str, float]:
-        """Greatest step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
+        """Maximum step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
     def allocate(self, wrench: ArrayLike) -> _Floats:
         """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
     def __copy__(self) -> Simulator: ...
@@ -525,9 +525,9 @@ class Task:
     control_period: Final[float]
     """Control period, s."""
     delays: Final[tuple[int, int]]
-    """Least and greatest age of the measurements, control periods."""
+    """Minimum and maximum age of the measurements, control periods."""
     observation_bound: Final[NDArray[np.float32]]
-    """Greatest magnitude of each entry of an observation, (d,)."""
+    """Maximum magnitude of each entry of an observation, (d,)."""
     def __new__(
         cls,
         scene: _Scene,

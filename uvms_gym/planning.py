@@ -123,12 +123,12 @@ def optimize_trajectory(
         "position" (3), "rotation" (3, 3), "q", "twist", "qd", "end_effector", and inputs. By default the pose, q and
         end effector of the start, and for joint targets q; 0 for the rest.
     bounds : dict of (array_like, array_like), optional
-        Least and greatest value of inputs. Limits of thrusters, fins and joint efforts hold besides, less one rounding:
+        Minimum and maximum value of inputs. Limits of thrusters, fins and joint efforts also apply, less one rounding:
         an input at its limit has no derivative.
     initial : dict of array_like, optional
         Inputs to start from, moved into bounds; their references by default.
     max_iterations : int
-        Greatest number of iterations.
+        Maximum number of iterations.
     tolerance : float
         Expected decrease of the cost, over the cost, at which a problem has converged. The inputs' error is about its
         root.
@@ -158,13 +158,13 @@ def optimize_trajectory(
     ...     input_weights={"thrust": 1e-4},
     ... )
     """
-    for name, count, least in (
+    for name, count, minimum in (
         ("horizon", horizon, 1),
         ("substeps", substeps, 1),
         ("max_iterations", max_iterations, 0),
     ):
-        if count < least:
-            raise ValueError(f"{name} must be at least {least}, not {count}")
+        if count < minimum:
+            raise ValueError(f"{name} must be at least {minimum}, not {count}")
     references, bounds, initial = references or {}, bounds or {}, initial or {}
     problems, joints = simulator.num_envs, simulator.num_joints
     names = sorted(input_weights, key=lambda name: _INPUTS.index(name) if name in _INPUTS else -1)

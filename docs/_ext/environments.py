@@ -26,8 +26,8 @@ def _number(x: float) -> str:
 
 
 def _span(values: tuple[float, ...]) -> str:
-    least, greatest = _number(min(values)), _number(max(values))
-    return least if least == greatest else f"{least} to {greatest}"
+    minimum, maximum = _number(min(values)), _number(max(values))
+    return minimum if minimum == maximum else f"{minimum} to {maximum}"
 
 
 def _entries(block: Block) -> str:
@@ -50,7 +50,7 @@ def action_table(env: TaskEnv) -> str:
 
 
 def observation_table(env: TaskEnv) -> str:
-    """Blocks of an observation with scale and greatest magnitude of an entry."""
+    """Blocks of an observation with scale and maximum magnitude of an entry."""
     rows = [
         (
             _entries(b),

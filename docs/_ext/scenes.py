@@ -31,8 +31,8 @@ def describe(name: str) -> str:
 
 
 def _limits(simulator: uvms_gym.Simulator) -> str:
-    least, greatest = simulator.thruster_limits[:, 0].min(), simulator.thruster_limits[:, 1].max()
-    return f"{least:.4g} to {greatest:.4g} N"
+    minimum, maximum = simulator.thruster_limits[:, 0].min(), simulator.thruster_limits[:, 1].max()
+    return f"{minimum:.4g} to {maximum:.4g} N"
 
 
 class Scenes(MarkdownDirective):

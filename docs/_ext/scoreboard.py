@@ -1,4 +1,4 @@
-"""Directive `scoreboard`: entries of an environment, shipped and submitted, from their files, the least error first."""
+"""Directive `scoreboard`: entries of an environment, shipped and submitted, from their files, minimum error first."""
 
 from pathlib import Path
 from typing import Any

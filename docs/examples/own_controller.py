@@ -66,7 +66,7 @@ def main(num_envs: int = 64, steps: int = 400) -> dict[str, float]:
             observations, *_, infos = envs.step(actions)
             effort = max(effort, float(infos["effort"].mean()))
         results[name] = float(np.median(infos["position_error"]))
-        print(f"{name:13} {results[name]:.4f} m at the end, greatest mean effort {effort:.3f}")
+        print(f"{name:13} {results[name]:.4f} m at the end, maximum mean effort {effort:.3f}")
     return results
 
 

@@ -66,7 +66,7 @@ def main(steps: int = 400) -> float:
     made = scene()
     for warning in uvms_gym.lint_scene(made):
         print(warning)
-    print(f"greatest stable step of mk4: {uvms_gym.Simulator(made).stable_steps()['mk4']:.3f} s")
+    print(f"maximum stable step of mk4: {uvms_gym.Simulator(made).stable_steps()['mk4']:.3f} s")
     env = gymnasium.make("UVMS-StationKeep-v0", scene=made)
     controller, state = uvms_gym.PD(env), None
     observation, info = env.reset(seed=0)

@@ -14,7 +14,7 @@ PERIOD, PERIODS = 0.1, 20  # s, over which inputs are held
 
 
 def plan(arm_weight: float) -> tuple[Trajectory, np.ndarray]:
-    """Trajectory of least cost, and its target; `arm_weight` is that of the joints' deviation."""
+    """Trajectory of minimum cost, and its target; `arm_weight` is that of the joints' deviation."""
     sim = Simulator("petasus-pum", dt=0.02)
     target = sim.end_effector_pose()[0, :3, 3] + OFFSET
     trajectory = optimize_trajectory(

@@ -12,11 +12,11 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// Least magnitude that rounds to infinity.
+    /// Minimum magnitude that rounds to infinity.
     fn bound(self) -> f64 {
         match self {
             Precision::Double => f64::INFINITY,
-            // Half a unit in the last place above the greatest number.
+            // Half a unit in the last place above the maximum number.
             Precision::Single => f64::from(f32::MAX) + 2.0_f64.powi(103),
         }
     }
@@ -53,12 +53,12 @@ pub struct SimulatorOptions {
     /// Gain of eq. 14, for the quaternion integrators, 1/s.
     pub gamma: f64,
     /// Bound on the estimated error of a sub-interval of a step, for adaptive integrators: absolute in m and rad for the
-    /// pose, absolute and relative for twist, q and q'. Least value 8 times the precision's epsilon (1e-6 in single
+    /// pose, absolute and relative for twist, q and q'. Minimum value 8 times the precision's epsilon (1e-6 in single
     /// precision); smaller ones count as that.
     pub tolerance: f64,
     /// Number type.
     pub precision: Precision,
-    /// Greatest number of threads; number of cores where `None`. Few instances use fewer.
+    /// Maximum number of threads; number of cores where `None`. Few instances use fewer.
     pub threads: Option<usize>,
     /// True where accumulated errors of all instances are estimated; false where none are; `None` where those of few instances,
     /// or of a few out of many in turns, are watched for warnings.

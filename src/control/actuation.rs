@@ -8,7 +8,7 @@ use crate::lane::{Lane, Real};
 use crate::lie::Vector6;
 use crate::system::JOINTS;
 
-/// Greatest number of entries of an action.
+/// Maximum number of entries of an action.
 pub const ACTIONS: usize = THRUSTERS + JOINTS;
 
 /// An [`ActionMap`] in the kernel's precision.
@@ -33,11 +33,11 @@ pub struct Actuation<T> {
 struct ThrusterTerms<T> {
     /// Unsaturated thrust per entry of a wrench action, N.
     demand: [T; 6],
-    /// Least and greatest thrust, N.
+    /// Minimum and maximum thrust, N.
     limits: [T; 2],
     /// Their inverses; infinite for 0.
     inverse: [T; 2],
-    /// Inverse of the greatest thrust in either direction; 0 for 0.
+    /// Inverse of the maximum thrust in either direction; 0 for 0.
     relative: T,
     /// Magnitude from which a thrust counts as saturated, in either direction, N.
     full: [T; 2],
@@ -45,7 +45,7 @@ struct ThrusterTerms<T> {
     wrench: [T; 6],
 }
 
-/// Share of its greatest thrust below which a limit is within rounding.
+/// Share of its maximum thrust below which a limit is within rounding.
 const ONE_SIDED: f64 = 1e-3;
 
 impl<T: Real> ThrusterTerms<T> {
@@ -92,7 +92,7 @@ impl<T: Real> Actuation<T> {
         let wrench_limits = Vector::from(allocation.wrench_limits());
         // Rounding leaves a full thrust a little short of its limit.
         let near = 1.0 - f64::max(1e-9, 4.0 * T::EPSILON);
-        let least = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+        let minimum = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
         let thruster = |i: usize| {
             let ([lower, upper], range) = (allocation.limits(i), allocation.range(i));
             ThrusterTerms {
@@ -100,7 +100,7 @@ impl<T: Real> Actuation<T> {
                 limits: [lower, upper].map(number),
                 inverse: [-1.0 / lower.abs(), 1.0 / upper.abs()].map(number),
                 relative: number(if range > 0.0 { 1.0 / range } else { 0.0 }),
-                full: [-lower, upper].map(|limit| number((near * limit).max(least))),
+                full: [-lower, upper].map(|limit| number((near * limit).max(minimum))),
                 wrench: allocation.column(i).map(number).into(),
             }
         };
@@ -124,18 +124,18 @@ impl<T: Real> Actuation<T> {
         self.len
     }
 
-    /// Greatest ratio of a thrust to its limit, or 1 if that is more.
+    /// Maximum ratio of a thrust to its limit, or 1 if that is more.
     #[inline(always)]
     fn excess<L: Lane<Real = T>>(&self, thrusts: &[L; THRUSTERS]) -> L {
         let (zero, one) = (L::zero(), L::c(1.0));
         let mut excess = one;
         if self.one_sided {
-            let mut greatest = zero;
+            let mut maximum = zero;
             for (i, thruster) in self.thrusters.iter().enumerate() {
-                greatest = greatest.max((thrusts[i] * L::splat(thruster.relative)).abs());
+                maximum = maximum.max((thrusts[i] * L::splat(thruster.relative)).abs());
             }
             // Rounding limits nothing.
-            let noise = greatest * L::c(ROUNDING.max(4.0 * T::EPSILON));
+            let noise = maximum * L::c(ROUNDING.max(4.0 * T::EPSILON));
             for (i, thruster) in self.thrusters.iter().enumerate() {
                 let counts = noise.lt((thrusts[i] * L::splat(thruster.relative)).abs());
                 excess = L::select(counts, thruster.ratio(thrusts[i]), one).max(excess);
@@ -216,9 +216,9 @@ impl<T: Real> Actuation<T> {
             saturation = L::select(size.lt(full), saturation, saturation + one);
         }
         let first = self.len - self.torques.len();
-        for (i, greatest) in self.torques.iter().enumerate() {
+        for (i, maximum) in self.torques.iter().enumerate() {
             let (a, u) = (action[first + i], action[first + i].abs());
-            torques[i] = a * L::splat(*greatest);
+            torques[i] = a * L::splat(*maximum);
             square = u.mul_add(u, square);
             power = u.mul_add(u.sqrt(), power);
             saturation = L::select(u.lt(L::splat(self.near)), saturation, saturation + one);

@@ -9,20 +9,20 @@ pub use crate::system::{THRUSTERS, Thrusts};
 /// Names of the six axes of a body wrench.
 pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
-/// Singular values below this share of the greatest count as 0: along such an axis a force takes a million times the
+/// Singular values below this share of the maximum count as 0: along such an axis a force takes a million times the
 /// thrust.
 const RANK_TOLERANCE: f64 = 1e-6;
 
 /// Wrench that saturates any thrusters, N and N m.
 const HUGE: f64 = 1e100;
 
-/// Relative thrusts below this share of the greatest count as rounding: they are dropped, or saturate nothing.
+/// Relative thrusts below this share of the maximum count as rounding: they are dropped, or saturate nothing.
 pub(super) const ROUNDING: f64 = 1e-12;
 
 /// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
 ///
 /// Minimises `sum (T_i / range_i)^2` over the thrusts that come closest to the wrench, where `range_i` is the
-/// greatest magnitude thruster i reaches. Moments count against forces through the thrusters' RMS distance from
+/// maximum magnitude thruster i reaches. Moments count against forces through the thrusters' RMS distance from
 /// the origin, which matters only where a wrench cannot be reached.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Allocation {
@@ -45,7 +45,7 @@ impl Allocation {
         let thrusters = &vehicle.thrusters;
         let count = thrusters.len();
         if count > THRUSTERS {
-            return Err(ControlError::TooManyThrusters { count, greatest: THRUSTERS });
+            return Err(ControlError::TooManyThrusters { count, maximum: THRUSTERS });
         }
         let mut configuration = [Vector6::zeros(); THRUSTERS];
         let mut limits = [[0.0; 2]; THRUSTERS];
@@ -79,8 +79,8 @@ impl Allocation {
         if count > 0 {
             let scaled = Matrix6xX::from_fn(count, |r, i| row[r] * this.configuration[i][r] * this.range(i));
             let svd = scaled.svd(true, true);
-            let least = RANK_TOLERANCE * svd.singular_values.max();
-            let inverse = svd.pseudo_inverse(least).expect("both factors were asked for, and the tolerance is >= 0");
+            let minimum = RANK_TOLERANCE * svd.singular_values.max();
+            let inverse = svd.pseudo_inverse(minimum).expect("both factors were asked for, and the tolerance is >= 0");
             let noise = ROUNDING * inverse.amax();
             let inverse = inverse.map(|x| if x.abs() > noise { x } else { 0.0 });
             for i in 0..count {
@@ -111,12 +111,12 @@ impl Allocation {
         self.pseudo_inverse[i]
     }
 
-    /// Least and greatest thrust of thruster i, N.
+    /// Minimum and maximum thrust of thruster i, N.
     pub fn limits(&self, i: usize) -> [f64; 2] {
         self.limits[i]
     }
 
-    /// Greatest thrust of thruster i in either direction, N.
+    /// Maximum thrust of thruster i in either direction, N.
     pub fn range(&self, i: usize) -> f64 {
         self.limits[i][1].max(-self.limits[i][0])
     }
@@ -140,7 +140,7 @@ impl Allocation {
         (0..self.count).map(|i| self.configuration[i] * thrusts[i]).sum()
     }
 
-    /// Thrusts of least weighted effort that come closest to `wrench`, without limits.
+    /// Thrusts of minimum weighted effort that come closest to `wrench`, without limits.
     pub fn unsaturated(&self, wrench: &Vector6<f64>) -> Thrusts {
         std::array::from_fn(|i| self.pseudo_inverse[i].dot(wrench))
     }
@@ -156,7 +156,7 @@ impl Allocation {
         std::array::from_fn(|i| (factor * thrusts[i]).clamp(self.limits[i][0], self.limits[i][1]))
     }
 
-    /// Greatest force (N) and moment (N m) along each body axis alone, in both directions, that [`Self::allocate`]
+    /// Maximum force (N) and moment (N m) along each body axis alone, in both directions, that [`Self::allocate`]
     /// reaches. 0 where the thrusters cannot push along that axis without pushing along another.
     #[inline]
     pub fn wrench_limits(&self) -> [f64; 6] {
@@ -168,7 +168,7 @@ impl Allocation {
         AXES.into_iter().zip(self.wrench_limits).filter(|(_, limit)| *limit == 0.0).map(|(axis, _)| axis).collect()
     }
 
-    /// Greatest factor that keeps the thrusts within their limits.
+    /// Maximum factor that keeps the thrusts within their limits.
     fn scale_to_limits(&self, thrusts: &Thrusts) -> f64 {
         let noise = ROUNDING * self.relative(thrusts).fold(0.0, |a: f64, u| a.max(u.abs()));
         (0..self.count)

@@ -17,9 +17,9 @@ pub struct DockPdGains {
     pub kp: [f64; 6],
     /// Derivative gains, N s/m and N m s/rad.
     pub kd: [f64; 6],
-    /// Greatest speed of approach, m/s.
+    /// Maximum speed of approach, m/s.
     pub approach_speed: f64,
-    /// Greatest angular speed of approach, rad/s.
+    /// Maximum angular speed of approach, rad/s.
     pub turn_speed: f64,
 }
 

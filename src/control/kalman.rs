@@ -9,7 +9,7 @@ pub(super) const STATES: usize = 5;
 const NOISE: [f64; 2] = [0.01, 0.005];
 /// Damping ratio of the wave part: waves of one spectrum stay in phase for a few periods.
 const DAMPING: f64 = 0.15;
-/// Greatest number of control periods in which a filter settles.
+/// Maximum number of control periods in which a filter settles.
 const ITERATIONS: usize = 100_000;
 
 type Square = SMatrix<f64, STATES, STATES>;

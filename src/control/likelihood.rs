@@ -2,7 +2,7 @@
 
 use crate::lane::Lane;
 
-/// Least logarithm of a weight over the greatest one: where [`exp`](crate::lane::exp) ends.
+/// Minimum logarithm of a weight over the maximum: where [`exp`](crate::lane::exp) ends.
 const FLOOR: f64 = -20.0;
 
 /// Log-likelihood of normal innovations that fades.
@@ -28,14 +28,14 @@ impl<const K: usize> Likelihood<K> {
     }
 }
 
-/// Logarithms of weights over the greatest one.
+/// Logarithms of weights over the maximum.
 #[inline(always)]
 pub(super) fn normalise<L: Lane<Real = f64>>(logs: &mut [L]) {
-    let mut greatest = logs[0];
+    let mut maximum = logs[0];
     for k in 1..logs.len() {
-        greatest = greatest.max(logs[k]);
+        maximum = maximum.max(logs[k]);
     }
     for k in 0..logs.len() {
-        logs[k] = (logs[k] - greatest).max(L::c(FLOOR));
+        logs[k] = (logs[k] - maximum).max(L::c(FLOOR));
     }
 }

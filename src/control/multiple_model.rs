@@ -18,7 +18,7 @@ use crate::lie::Vector6;
 /// Gains of the adaptive DOB; pairs are linear and angular.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveGains {
-    /// Gains of each model's DOB without delay. `delay` is the greatest of the bank, which begins at 0.
+    /// Gains of each model's DOB without delay. `delay` is the maximum of the bank, which begins at 0.
     #[serde(flatten)]
     pub feedback: FeedbackGains,
     /// Decrease of `kp` and of `kd` with a model's delay tau: gains over `1 + a tau`, 1/s.
@@ -127,12 +127,12 @@ impl Bank {
         self.models.len()
     }
 
-    /// Model with the greatest delay.
+    /// Model with the maximum delay.
     fn last(&self) -> &Model {
         &self.models[self.models.len() - 1]
     }
 
-    /// Observer with the greatest delay.
+    /// Observer with the maximum delay.
     pub fn observer(&self) -> &Observer {
         &self.last().observer
     }

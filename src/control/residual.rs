@@ -18,7 +18,7 @@ pub struct Residual {
 }
 
 impl Residual {
-    /// `limit` is the greatest correction of an entry of the action.
+    /// `limit` is the maximum correction of an entry of the action.
     ///
     /// # Errors
     /// `ControlError` for a network that does not read and write rows of these lengths, or a limit beyond [0, 1].

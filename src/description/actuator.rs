@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// s(q) = sqrt(a^2 + b^2 - 2 a b cos(q + angle)),    torque = force ds/dq = force a b sin(q + angle) / s
 /// ```
 ///
-/// so the greatest torque depends on q.
+/// so the maximum torque depends on q.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinearActuator {
@@ -19,7 +19,7 @@ pub struct LinearActuator {
     pub lever: f64,
     /// Angle between the two at q = 0, rad.
     pub angle: f64,
-    /// Greatest force either way, N.
+    /// Maximum force either way, N.
     pub force: f64,
 }
 

@@ -82,11 +82,11 @@ pub struct Joint {
     pub friction: Friction,
     /// Compliant end stops.
     pub limits: Option<JointLimits>,
-    /// Greatest actuator torque, N m or N. Unlimited when absent.
+    /// Maximum actuator torque, N m or N. Unlimited when absent.
     pub effort: Option<f64>,
-    /// Linear actuator of a revolute joint; its greatest force replaces `effort`.
+    /// Linear actuator of a revolute joint; its maximum force replaces `effort`.
     pub actuator: Option<LinearActuator>,
-    /// Greatest speed of references, rad/s or m/s.
+    /// Maximum speed of references, rad/s or m/s.
     pub speed: Option<f64>,
     /// Joint servo (the paper's PD on the joints).
     pub servo: Option<JointServo>,
@@ -104,7 +104,7 @@ fn is_false(x: &bool) -> bool {
 }
 
 impl Joint {
-    /// Greatest torque of the actuator at joint coordinate `q`, N m or N; infinite if unlimited.
+    /// Maximum torque of the actuator at joint coordinate `q`, N m or N; infinite if unlimited.
     pub fn effort_at(&self, q: f64) -> f64 {
         match &self.actuator {
             Some(actuator) => actuator.force * actuator.arm(q).abs(),

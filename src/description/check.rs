@@ -10,10 +10,10 @@ use super::{
 };
 use crate::error::{DescriptionError, Problem};
 
-/// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
+/// Maximum magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
 
-/// Greatest number of pairs of a map from command to thrust: each evaluation visits all of them.
+/// Maximum number of pairs of a map from command to thrust: each evaluation visits all of them.
 const MAX_POINTS: usize = 64;
 
 /// Names of bodies outside the list of links.
@@ -70,9 +70,9 @@ fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Greatest cosine of the angle between chord and axis of a fin that counts as 0.
+/// Maximum cosine of the angle between chord and axis of a fin that counts as 0.
 const PERPENDICULAR: f64 = 1e-6;
-/// Greatest number of fins of a vehicle.
+/// Maximum number of fins of a vehicle.
 const MAX_FINS: usize = 8;
 
 fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
@@ -84,7 +84,7 @@ fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
     not_negative(key, [("area", fin.area), ("lift_slope", fin.lift_slope), ("drag", fin.drag)])?;
     not_negative(key, [("induced_drag", fin.induced_drag), ("plate", fin.plate)])?;
     if let Some(stall) = fin.stall {
-        let ok = (LEAST_STALL..=std::f64::consts::FRAC_PI_2).contains(&stall);
+        let ok = (MIN_STALL..=std::f64::consts::FRAC_PI_2).contains(&stall);
         range(ok, stall, "from 0.01 to pi/2 rad", || format!("{key}.stall"))?;
     }
     let [lower, upper] = fin.range();
@@ -99,8 +99,8 @@ fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Least stall angle, rad.
-const LEAST_STALL: f64 = 0.01;
+/// Minimum stall angle, rad.
+const MIN_STALL: f64 = 0.01;
 
 fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.kind != JointKind::Revolute || joint.effort.is_some() {

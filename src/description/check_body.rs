@@ -13,9 +13,9 @@ const SYMMETRY: f64 = 1e-3;
 const ROUNDING: f64 = 1e-9;
 /// Allowed violation of the triangle inequality by rounded tables, relative to the largest moment.
 const TRIANGLE: f64 = 1e-6;
-/// Least eigenvalue of a positive definite matrix, relative to the greatest.
+/// Minimum eigenvalue of a positive definite matrix, relative to the maximum.
 const DEFINITE: f64 = 1e-12;
-/// Allowed negative eigenvalue of rounded semi-definite tables, relative to the greatest.
+/// Allowed negative eigenvalue of rounded semi-definite tables, relative to the maximum.
 const SEMI_DEFINITE: f64 = 1e-6;
 /// Allowed difference of a stated weight from mass times gravity, %.
 const WEIGHT_PERCENT: f64 = 0.5;
@@ -76,13 +76,13 @@ fn eigenvalues<const N: usize>(m: &SMatrix<f64, N, N>) -> Vec<f64> {
 }
 
 fn definite(what: &'static str, values: &[f64], semi: bool, key: impl FnOnce() -> String) -> Result<(), Fault> {
-    let (least, greatest) = (values[0], values[values.len() - 1]);
-    let ok = if semi { least >= -SEMI_DEFINITE * greatest.max(0.0) } else { least > DEFINITE * greatest };
+    let (minimum, maximum) = (values[0], values[values.len() - 1]);
+    let ok = if semi { minimum >= -SEMI_DEFINITE * maximum.max(0.0) } else { minimum > DEFINITE * maximum };
     if ok {
         return Ok(());
     }
     let eigenvalues = Numbers(values.to_vec());
-    Err(Fault::new(key(), Problem::Indefinite { what, semi, eigenvalue: least, eigenvalues }))
+    Err(Fault::new(key(), Problem::Indefinite { what, semi, eigenvalue: minimum, eigenvalues }))
 }
 
 fn rigid_inertia(about_com: &Matrix3<f64>, key: impl Fn() -> String) -> Result<(), Fault> {

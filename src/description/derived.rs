@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix6, Rotation3};
 
 use super::{Body, Frame, InertiaPoint, Joint, Scene, Water};
 
-/// Greatest number of links of an arm.
+/// Maximum number of links of an arm.
 pub const MAX_LINKS: usize = 8;
 /// Name of the vehicle among the moving bodies.
 pub const VEHICLE: &str = "vehicle";

@@ -39,7 +39,7 @@ pub struct Fin {
     /// Deflection without command, rad.
     #[serde(default)]
     pub deflection: f64,
-    /// Least and greatest deflection, rad. Without limits the fin is fixed.
+    /// Minimum and maximum deflection, rad. Without limits the fin is fixed.
     #[serde(default, deserialize_with = "numbers::optional_array")]
     pub limits: Option<[f64; 2]>,
 }
@@ -50,7 +50,7 @@ fn plate() -> f64 {
 }
 
 impl Fin {
-    /// Least and greatest deflection, rad.
+    /// Minimum and maximum deflection, rad.
     pub fn range(&self) -> [f64; 2] {
         self.limits.unwrap_or([self.deflection; 2])
     }

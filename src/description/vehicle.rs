@@ -44,13 +44,13 @@ pub struct Thruster {
     /// Direction of the force on the vehicle at positive thrust; normalised on reading.
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
-    /// Least and greatest thrust, N, at which commands and thrusts saturate.
+    /// Minimum and maximum thrust, N, at which commands and thrusts saturate.
     #[serde(deserialize_with = "numbers::array")]
     pub limits: [f64; 2],
     /// Time constant tau of its first-order lag, `tau T' = T(command) - T`, s. Without it and
     /// [`Vehicle::thruster_lag`] thrust follows at once.
     pub lag: Option<f64>,
-    /// Greatest magnitude of commands that give exactly 0 N, N.
+    /// Maximum magnitude of commands that give exactly 0 N, N.
     pub dead_band: Option<f64>,
     /// Static map from command to thrust in still water. Without it thrust equals the command.
     pub map: Option<ThrustMap>,

@@ -14,7 +14,7 @@ const DENSE: f64 = 30.0;
 const FLAT: f64 = 50.0;
 /// Distance of a link's centre of mass behind its joint over the distance to the next joint, beyond which it is implausible.
 const BEHIND: f64 = 0.3;
-/// Ratio of a slender link's least moment of inertia to the next one.
+/// Ratio of a slender link's minimum moment of inertia to the next one.
 const SLENDER: f64 = 0.3;
 /// Angle between a slender link and the way to the next joint, beyond which it is implausible, rad.
 const OFF_AXIS: f64 = 0.8;
@@ -97,11 +97,11 @@ impl Scene {
                 warnings.push(implausible(key("center_of_mass"), text));
             }
             let eigen = body.inertia_about_com().symmetric_eigen();
-            let (least, smallest) = eigen.eigenvalues.argmin();
+            let (minimum, smallest) = eigen.eigenvalues.argmin();
             let middle = eigen.eigenvalues.sum() - smallest - eigen.eigenvalues.max();
             // Length of a uniform rod with this moment of inertia.
             let rod = (12.0 * middle / body.mass).sqrt();
-            let angle = eigen.eigenvectors.column(least).dot(&way).abs().min(1.0).acos();
+            let angle = eigen.eigenvectors.column(minimum).dot(&way).abs().min(1.0).acos();
             if smallest < SLENDER * middle && length > 0.5 * rod && angle > OFF_AXIS {
                 let degrees = angle.to_degrees();
                 let text =

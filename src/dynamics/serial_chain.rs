@@ -14,7 +14,7 @@ use crate::description::{Joint, JointKind, Scene};
 use crate::error::DynamicsError;
 use crate::system::{JOINTS, Joints};
 
-/// Greatest number of velocities `[V; q']`.
+/// Maximum number of velocities `[V; q']`.
 pub const VELOCITIES: usize = 6 + JOINTS;
 /// Velocities `[V; q']` or generalized forces `[F; tau]`; entries past the scene's are 0.
 pub type Velocities = SVector<f64, VELOCITIES>;

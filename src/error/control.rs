@@ -10,8 +10,8 @@ pub enum ControlError {
     #[error("thruster \"{name}\": position {position:?} and axis {axis:?} must be finite, and the axis not zero")]
     ThrusterGeometry { name: String, position: [f64; 3], axis: [f64; 3] },
     /// Too many thrusters.
-    #[error("{count} thrusters: at most {greatest} are supported")]
-    TooManyThrusters { count: usize, greatest: usize },
+    #[error("{count} thrusters: at most {maximum} are supported")]
+    TooManyThrusters { count: usize, maximum: usize },
     /// Scene without a control model.
     #[error("{0}")]
     Model(String),

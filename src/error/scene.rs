@@ -64,7 +64,7 @@ pub enum Problem {
          than {tolerance:e} of the root of the product of the diagonal entries {row} and {column}"
     )]
     Asymmetric { row: usize, column: usize, upper: f64, lower: f64, tolerance: f64 },
-    /// Matrix that is not positive (semi-)definite: its least eigenvalue, and all in ascending order.
+    /// Matrix that is not positive (semi-)definite: its minimum eigenvalue, and all in ascending order.
     #[error("{what} must be positive {}definite, but has the eigenvalue {eigenvalue:.6e} (eigenvalues {eigenvalues})", if *.semi { "semi-" } else { "" })]
     Indefinite { what: &'static str, semi: bool, eigenvalue: f64, eigenvalues: Numbers },
     /// Moments of inertia that no mass distribution has, in ascending order, kg m2.

@@ -47,7 +47,7 @@ pub enum SimulatorError {
     /// Out of memory for results.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
-    /// Matrix that is not a rotation, by the greatest entry of `|R^T R - I|`.
+    /// Matrix that is not a rotation, by the maximum entry of `|R^T R - I|`.
     #[error(
         "{name} of instance {instance} is not a rotation: R^T R differs from the identity by {deviation:.3e}, det R is {determinant:.6}"
     )]

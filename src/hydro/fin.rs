@@ -15,7 +15,7 @@
 use crate::lane::{Lane, Param, get_all, sin_cos};
 use crate::lie::{Vector3, Vector6};
 
-/// Greatest number of fins of a vehicle.
+/// Maximum number of fins of a vehicle.
 pub const FINS: usize = 8;
 
 /// A fin, in vehicle axes.
@@ -29,7 +29,7 @@ pub struct Fin<P> {
     pub normal: [P; 3],
     /// Deflection without command, rad.
     pub deflection: P,
-    /// Least and greatest deflection, rad.
+    /// Minimum and maximum deflection, rad.
     pub limits: [P; 2],
     /// `rho A a / 2`
     pub lift: P,

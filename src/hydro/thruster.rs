@@ -15,7 +15,7 @@
 use crate::lane::{Lane, Param, get_all, horner, unroll};
 use crate::lie::Vector6;
 
-/// Greatest number of thrusters.
+/// Maximum number of thrusters.
 pub const THRUSTERS: usize = 16;
 
 /// One number per thruster; entries past the vehicle's are 0.
@@ -28,7 +28,7 @@ pub struct Thruster<P> {
     pub wrench: [P; 6],
     /// Row that maps the vehicle's twist to the speed along the axis.
     pub along: [P; 6],
-    /// Least and greatest command and thrust, N.
+    /// Minimum and maximum command and thrust, N.
     pub limits: [P; 2],
     /// Time constant, s.
     pub lag: Option<P>,

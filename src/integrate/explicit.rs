@@ -14,7 +14,7 @@ use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_nega
 
 /// Measurements of one step.
 pub(super) struct Report<L> {
-    /// Square of the greatest rotation within the step, for charts that bound it: valid below pi^2.
+    /// Square of the maximum rotation within the step, for charts that bound it: valid below pi^2.
     pub turn: L,
     /// Square of the estimated error, for tableaus with an embedded method, else 0.
     pub error: L,

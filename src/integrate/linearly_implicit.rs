@@ -42,16 +42,16 @@ pub trait LinearlyImplicit<L: Lane, const N: usize>: Derivative<L, N> {
         rates: &mut Rates<L, N>,
     );
 
-    /// Greatest joint rate that a step of size `h` lost or gained at an end stop which would have returned another, of stops whose
+    /// Maximum joint rate that a step of size `h` lost or gained at an end stop which would have returned another, of stops whose
     /// `h |rate|` is beyond `range`; from joints and rates at the start and at the end, after the solves.
     fn lost_bounce(&self, h: L, range: f64, ends: [(&[L; N], &[L; N]); 2]) -> L;
 }
 
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
-const LEAST_SHARE: f64 = 1.0 / 1024.0;
+const MIN_SHARE: f64 = 1.0 / 1024.0;
 
 /// Joint rate that a bounce may lose or gain, rad/s or m/s.
-const LEAST_BOUNCE: f64 = 1e-3;
+const MIN_BOUNCE: f64 = 1e-3;
 
 /// Coordinates of a point within a step.
 #[derive(Debug, Clone)]
@@ -186,7 +186,7 @@ impl<L: Lane, const N: usize> Default for ImplicitStages<L, N> {
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval; leaves its end in `stages.fine`. Returns the
-/// square of the greatest rotation within the step and the estimated error, m and rad.
+/// square of the maximum rotation within the step and the estimated error, m and rad.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: usize>(
     order: usize,
@@ -200,7 +200,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: 
     let ImplicitStages { coarse, middle, fine, rates } = stages;
     fine.start(from, n);
     coarse.start(from, n);
-    let mut greatest = L::zero();
+    let mut maximum = L::zero();
     // One call of the right-hand side for all solves: it is by far the most code.
     let solves = if order == 2 { 3 } else { 6 };
     for solve in 0..solves {
@@ -221,7 +221,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: 
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, rates);
         recorder.rates(rates, n);
         point.advance(size, rates, n);
-        greatest = greatest.max(point.turn());
+        maximum = maximum.max(point.turn());
     }
     // For a mode: distance of the first two ends z^2 / 4, change z; the error is the distance from the result of one order less times
     // 2/3 z, or 3/4 z.
@@ -235,7 +235,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: 
     };
     let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = distance * L::c(share) * (apart * L::c(4.0) / changed).min(L::c(1.0));
-    (greatest.max(fine.turn()), error)
+    (maximum.max(fine.turn()), error)
 }
 
 /// Integrates over an interval of length `h`. Lanes that turn by more than the method allows within a sub-interval, or lose a bounce that
@@ -251,10 +251,10 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
     stages: &mut ImplicitStages<L, N>,
     recorder: &mut R,
 ) {
-    let Implicit { order, greatest_turn, bounce } = *method;
+    let Implicit { order, max_turn, bounce } = *method;
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
-    let limit = L::c(greatest_turn * greatest_turn);
+    let limit = L::c(max_turn * max_turn);
     let h = L::splat(h);
     let (mut share, mut left) = (one, one);
     let mut begun = false;
@@ -266,7 +266,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
         if let Some(range) = bounce {
             cold_path();
             let ends = [(&motion.q, &motion.qd), (&end.q, &end.qd)];
-            fine = L::select(derivative.lost_bounce(h * share, range, ends).lt(L::c(LEAST_BOUNCE)), fine, zero);
+            fine = L::select(derivative.lost_bounce(h * share, range, ends).lt(L::c(MIN_BOUNCE)), fine, zero);
         }
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);
@@ -278,7 +278,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
             return;
         }
         let finite = if begun { one } else { motion.finite(n) };
-        let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - finite) * (one - fine);
+        let lost = L::select(share.lt(L::c(1.5 * MIN_SHARE)), one, one - finite) * (one - fine);
         let lost = L::select(zero.lt(left), lost, zero);
         motion.set_nan_where(half.lt(lost), n);
         left = L::select(half.lt(lost), zero, left);

@@ -19,7 +19,7 @@ pub struct Implicit {
     pub order: usize,
     /// Rotation within a step beyond which a lane halves it, rad. Smaller than that of the explicit methods: Euler's equations and
     /// other products of velocities are treated explicitly, and an oscillation then grows by `(h rate)^4 / 8` a step.
-    pub greatest_turn: f64,
+    pub max_turn: f64,
     /// `h |rate|` of a joint at its end stop beyond which a lane that loses a bounce, or gains by it, halves the step. L-stable steps lose
     /// bounces that are over within a step, whatever the step: none without it.
     pub bounce: Option<f64>,
@@ -39,7 +39,7 @@ pub struct Explicit {
     pub lag: Option<f64>,
     /// Rotation within a sub-interval beyond which a lane halves it, rad. The maps are valid up to pi, but in body axes the velocity
     /// of a spinning body turns as fast, and grows where that is outside a tableau's stability region: 2.83 (RK4), 1.73 (Heun).
-    pub greatest_turn: f64,
+    pub max_turn: f64,
 }
 
 /// Numbers that users choose for an integrator.
@@ -51,8 +51,8 @@ pub struct Gains {
     pub tolerance: f64,
 }
 
-/// Least tolerance over the precision's epsilon: no estimate is more accurate than rounding.
-pub(super) const LEAST_TOLERANCE: f64 = 8.0;
+/// Minimum tolerance over the precision's epsilon: no estimate is more accurate than rounding.
+pub(super) const MIN_TOLERANCE: f64 = 8.0;
 
 impl Gains {
     /// The defaults.
@@ -88,17 +88,11 @@ const RESOLVED_BOUNCE: f64 = 0.125;
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
 const fn explicit(tableau: &'static Tableau, chart: Chart) -> Integrator {
-    Integrator::Explicit(Explicit {
-        tableau,
-        chart,
-        tolerance: Gains::DEFAULT.tolerance,
-        lag: None,
-        greatest_turn: QUARTER,
-    })
+    Integrator::Explicit(Explicit { tableau, chart, tolerance: Gains::DEFAULT.tolerance, lag: None, max_turn: QUARTER })
 }
 
 const fn implicit(order: usize) -> Integrator {
-    Integrator::LinearlyImplicit(Implicit { order, greatest_turn: 0.5, bounce: None })
+    Integrator::LinearlyImplicit(Implicit { order, max_turn: 0.5, bounce: None })
 }
 
 const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
@@ -118,7 +112,7 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
     chart: Chart::VelocityFirst,
     tolerance: Gains::DEFAULT.tolerance,
     lag: Some(0.3),
-    greatest_turn: QUARTER,
+    max_turn: QUARTER,
 });
 
 impl Integrator {
@@ -193,10 +187,10 @@ impl Integrator {
     pub fn at_ratio(mut self, ratio: f64, looser: f64, epsilon: f64) -> Self {
         match &mut self {
             Integrator::Explicit(method) => {
-                method.greatest_turn *= ratio.powi(3);
-                method.tolerance = looser * method.tolerance.max(LEAST_TOLERANCE * epsilon);
+                method.max_turn *= ratio.powi(3);
+                method.tolerance = looser * method.tolerance.max(MIN_TOLERANCE * epsilon);
             }
-            Integrator::LinearlyImplicit(method) => method.greatest_turn *= ratio.powi(3),
+            Integrator::LinearlyImplicit(method) => method.max_turn *= ratio.powi(3),
         }
         self
     }

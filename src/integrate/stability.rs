@@ -5,18 +5,18 @@ use nalgebra::Complex;
 use super::linearly_implicit::extrapolation_weights;
 use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
-/// Greatest accepted growth of a mode by integration alone, 1/s: 1 % per second. Some is inevitable: the methods of order 1
+/// Maximum accepted growth of a mode by integration alone, 1/s: 1 % per second. Some is inevitable: the methods of order 1
 /// and 2 amplify an undamped oscillation at any step.
 pub const GROWTH: f64 = 0.01;
-/// Greatest accepted error of a mode's damping relative to its rate, for motions that do not last.
+/// Maximum accepted error of a mode's damping relative to its rate, for motions that do not last.
 pub const PASSING: f64 = 0.1;
-/// Least real part of the rate, relative to its size, of a mode that grows physically.
+/// Minimum real part of the rate, relative to its size, of a mode that grows physically.
 const GROWING: f64 = 0.01;
 /// Rates below this need no step shorter than hours, and are close to rounding, 1/s.
 const SLOW: f64 = 1e-4;
-/// Greatest error of an accurate step relative to a mode's size.
+/// Maximum error of an accurate step relative to a mode's size.
 const WRONG: f64 = 0.25;
-/// Greatest `h |rate|` at which an L-stable method amplifies an oscillation.
+/// Maximum `h |rate|` at which an L-stable method amplifies an oscillation.
 const IMPLICIT_RANGE: f64 = 4.0;
 /// Resolution of the search along a ray, in `h |rate|`.
 const FINENESS: f64 = 1.0 / 16.0;
@@ -58,12 +58,12 @@ impl Stability {
         }
     }
 
-    /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
+    /// Maximum h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
     ///
     /// A step is stable where the mode grows by no more than [`GROWTH`] beyond its physical growth; or, below `h |rate| = 1`,
     /// by no more than with a damping error of `lenience` times the rate: 0 for motions that last, [`PASSING`] for others.
     /// Modes that grow fast physically do not count.
-    pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
+    pub fn max_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
         let stable_at_any = matches!(self, Stability::LinearlyImplicit { order: 2 } | Stability::Adaptive);
         if stable_at_any || size < SLOW || rate.re > GROWING * size {
@@ -93,7 +93,7 @@ impl Stability {
 }
 
 impl Stability {
-    /// Greatest `h |rate|` at which a step is accurate for modes that decay or oscillate: within a quarter of their size of
+    /// Maximum `h |rate|` at which a step is accurate for modes that decay or oscillate: within a quarter of their size of
     /// `exp(h rate)`. 2.0 for RK4, 1.6 for Heun's third order, 1.2 for the midpoint rule, 0.7 for Euler's.
     pub fn range(&self) -> f64 {
         let Stability::Explicit(tableau) = self else { return f64::INFINITY };
@@ -115,7 +115,7 @@ fn crossing(holds: impl Fn(f64) -> bool, mut low: f64, mut high: f64) -> f64 {
     low
 }
 
-/// Greatest eigenvalue of a step of `x'' = -c x' - k x` with the rates `z / h` and its conjugate.
+/// Maximum eigenvalue of a step of `x'' = -c x' - k x` with the rates `z / h` and its conjugate.
 fn semi_implicit_euler(z: Complex<f64>) -> f64 {
     if z.im == 0.0 {
         return (1.0 + z.re).abs();

@@ -8,11 +8,11 @@ use crate::lie::{Vector3, Vector6};
 
 /// Fraction of the sums that each sub-interval keeps.
 const KEPT: f64 = 1.0 - 1.0 / 32.0;
-/// Greatest `h |lambda|` in the error estimate: faster rates show as stiffness.
+/// Maximum `h |lambda|` in the error estimate: faster rates show as stiffness.
 const FASTEST: f64 = 2.0;
 /// Time over which errors of spinning add up, s: no damping removes them.
 const SPIN_TIME: f64 = 10.0;
-/// Least rotation within a sub-interval that counts as spinning, rad.
+/// Minimum rotation within a sub-interval that counts as spinning, rad.
 const SPIN: f64 = 0.02;
 /// Speed that counts as rest, m/s and rad/s.
 const REST: f64 = 1e-3;
@@ -25,7 +25,7 @@ pub struct StepEstimates<L> {
     /// Sums of squared differences within a sub-interval, m and rad: of the stages' coordinates, of their velocities times h,
     /// and of the accelerations at them times h^2.
     pub contrast: [L; 3],
-    /// Sum of the estimated velocity errors, as displacements over a sub-interval; and the greatest displacement over a
+    /// Sum of the estimated velocity errors, as displacements over a sub-interval; and the maximum displacement over a
     /// sub-interval, decaying likewise. m and rad.
     pub velocity_error: [L; 2],
     /// Relative velocity error of spinning over the last ten seconds.
@@ -73,10 +73,10 @@ impl<L: Lane> StepEstimates<L> {
         (to, qd): (&Vector6<L>, &[L; N]),
         n: usize,
     ) {
-        let [sum, greatest] = self.velocity_error;
+        let [sum, maximum] = self.velocity_error;
         let error = sum.mul_add(L::c(KEPT), error);
-        let way = (greatest * L::c(KEPT)).max(displacement(h, to, &qd[..n]));
-        self.velocity_error = [L::select(taken, error, sum), L::select(taken, way, greatest)];
+        let way = (maximum * L::c(KEPT)).max(displacement(h, to, &qd[..n]));
+        self.velocity_error = [L::select(taken, error, sum), L::select(taken, way, maximum)];
         let mut spin = (h * self.spin_error).neg_mul_add(L::c(1.0 / SPIN_TIME), self.spin_error);
         let spins = L::c(SPIN * SPIN).lt(turn);
         if L::any(spins) {

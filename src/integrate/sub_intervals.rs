@@ -4,18 +4,18 @@ use super::Derivative;
 use super::explicit::{Report, explicit, move_to_end};
 use super::motion::Motion;
 use super::recorder::Recorder;
-use super::registry::{Explicit, LEAST_TOLERANCE};
+use super::registry::{Explicit, MIN_TOLERANCE};
 use super::stages::Stages;
 use super::step_estimates::StepEstimates;
 use super::tableau::STAGES;
 use crate::lane::{Lane, Real};
 
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
-const LEAST_SHARE: f64 = 1.0 / 1024.0;
+const MIN_SHARE: f64 = 1.0 / 1024.0;
 /// Most attempts of an adaptive method within an interval; a lane that needs more becomes NaN.
 const MOST_ATTEMPTS: u32 = 1 << 14;
-/// Greatest sub-interval that an adaptive method plans, as a fraction of the interval.
-const GREATEST_PLAN: f64 = 4.0;
+/// Maximum sub-interval that an adaptive method plans, as a fraction of the interval.
+const MAX_PLAN: f64 = 4.0;
 
 /// Integrates over an interval of length `h`. Adaptive methods choose sub-intervals by their estimated error. With the other
 /// methods lanes that turn by more than the method allows within a sub-interval divide it into halves, quarters, and so
@@ -34,9 +34,9 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
     let adaptive = method.tableau.error.is_some();
-    let tolerance = method.tolerance.max(LEAST_TOLERANCE * L::Real::EPSILON);
+    let tolerance = method.tolerance.max(MIN_TOLERANCE * L::Real::EPSILON);
     let over_tolerance = L::c(1.0 / (tolerance * tolerance));
-    let limit = L::c(method.greatest_turn * method.greatest_turn);
+    let limit = L::c(method.max_turn * method.max_turn);
     let h = L::splat(h);
     // Planned sub-interval and rest of the interval, as fractions of it.
     let (mut plan, mut left) = (one, one);
@@ -74,7 +74,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
             let factor = growth(error);
             let factor = L::select(half.lt(fine), factor, factor.min(half));
             let next = share * factor;
-            let next = L::select(factor.lt(one), next, next.max(plan)).min(L::c(GREATEST_PLAN));
+            let next = L::select(factor.lt(one), next, next.max(plan)).min(L::c(MAX_PLAN));
             plan = L::select(half.lt(active), next, plan);
         } else {
             plan = L::select(half.lt(fine), plan, plan * half);
@@ -87,7 +87,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
         let spent = if adaptive {
             L::c(if attempts == MOST_ATTEMPTS { 1.0 } else { 0.0 })
         } else {
-            L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one - fine, zero)
+            L::select(share.lt(L::c(1.5 * MIN_SHARE)), one - fine, zero)
         };
         let lost = half.lt(active * spent.max(one - finite) * L::select(zero.lt(left), one, zero));
         motion.set_nan_where(lost, n);

@@ -1,6 +1,6 @@
 //! Butcher tableaus, as data.
 
-/// Greatest number of stages.
+/// Maximum number of stages.
 pub const STAGES: usize = 7;
 
 /// An explicit Runge-Kutta method: `a` strictly lower triangular, `c` its row sums.

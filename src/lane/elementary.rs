@@ -73,7 +73,7 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
 
-/// Greatest distance at which [`sin_cos_near`] uses the addition theorem.
+/// Maximum distance at which [`sin_cos_near`] uses the addition theorem.
 const NEAR: f64 = 1.0 / 16.0;
 /// Taylor coefficients of (sin d / d - 1) / d^2 and of (cos d - 1) / d^2 in d^2: good to rounding of 1 for |d| < [`NEAR`].
 const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
@@ -228,10 +228,10 @@ pub fn ln_1p<L: Lane>(x: L) -> L {
 #[inline(always)]
 fn beyond_finite<L: Lane>(x: L, u: L, y: L) -> L {
     let infinity = L::c(f64::INFINITY);
-    let least = if L::Real::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+    let minimum = if L::Real::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
     // x + infinity is NaN for NaN, else infinity where x is not -infinity.
     let y = L::select(u.lt(infinity), y, x + infinity);
-    let y = L::select(u.lt(L::c(least)), -infinity, y);
+    let y = L::select(u.lt(L::c(minimum)), -infinity, y);
     L::select(u.lt(L::zero()), L::c(f64::NAN), y)
 }
 

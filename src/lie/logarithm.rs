@@ -16,10 +16,10 @@ pub fn rotation_vector<L: Lane>(rotation: &Matrix3<L>) -> Vector3<L> {
 pub fn rotation_vector_and_angle<L: Lane>(rotation: &Matrix3<L>) -> (Vector3<L>, L) {
     let (w, v) = quaternion_ray(rotation);
     let length = v.dot(v).sqrt();
-    let least = if <L::Real as crate::lane::Real>::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+    let minimum = if <L::Real as crate::lane::Real>::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
     let half = atan2(length, w.abs());
     let angle = half + half;
-    let factor = angle / length.max(L::c(least));
+    let factor = angle / length.max(L::c(minimum));
     (v.scale(L::select(w.lt(L::zero()), -factor, factor)), angle)
 }
 

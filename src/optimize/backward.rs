@@ -21,7 +21,7 @@ pub struct Expansion {
     pub end: (DVector<f64>, DMatrix<f64>),
 }
 
-/// Least and greatest change of the inputs of each knot.
+/// Minimum and maximum change of the inputs of each knot.
 pub type Ranges = Vec<[DVector<f64>; 2]>;
 
 /// Change of a knot's inputs: `feedforward + gain dx`.

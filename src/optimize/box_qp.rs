@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Greatest number of iterations; two or three suffice from a good start.
+/// Maximum number of iterations; two or three suffice from a good start.
 const ITERATIONS: usize = 100;
 
 /// Minimiser of `x^T H x / 2 + g^T x` within bounds.

@@ -5,16 +5,16 @@ use crate::limits::interrupt;
 
 /// Step sizes of a line search: the first alone, then the others at once.
 pub const STEP_SIZES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125];
-/// Least part of the expected decrease of an accepted step.
+/// Minimum part of the expected decrease of an accepted step.
 const SUFFICIENT: f64 = 1e-4;
-/// Damping after the first failure, and the greatest.
+/// Damping after the first failure, and the maximum.
 const DAMPING: [f64; 2] = [1e-3, 1e9];
 
 /// Problem about its present trajectory.
 pub trait Problem {
     /// Quadratic model.
     fn expand(&mut self) -> Expansion;
-    /// Least and greatest change of the inputs.
+    /// Minimum and maximum change of the inputs.
     fn ranges(&self) -> Ranges;
     /// Costs of trajectories under the policies, one for each of these step sizes; under the present inputs without policies.
     fn search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Vec<f64>;
@@ -25,7 +25,7 @@ pub trait Problem {
 /// Limits of the iterations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Greatest number of iterations.
+    /// Maximum number of iterations.
     pub iterations: usize,
     /// Decrease of the cost expected of an undamped step, over the cost, at which the iterations end.
     pub tolerance: f64,

@@ -231,8 +231,8 @@ fn check(
     let entries: Vec<_> = arguments.iter().flat_map(|(name, width)| (0..*width).map(move |k| (*name, k))).collect();
     for at in 0..lower.len() {
         let (problem, knot, (argument, entry)) = (at / (steps * w), at / w % steps, entries[at % w]);
-        let [least, most] = unsaturated(simulator, problem, argument, entry);
-        lower[at] = lower[at].max(least);
+        let [minimum, most] = unsaturated(simulator, problem, argument, entry);
+        lower[at] = lower[at].max(minimum);
         upper[at] = upper[at].min(most);
         if lower[at] > upper[at] {
             let (name, lower, upper) = (argument.name(), lower[at], upper[at]);

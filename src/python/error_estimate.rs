@@ -40,7 +40,7 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray
     ///     position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m; end_effector_attitude (N,),
-    ///     rad; relative (N,): the greatest of the errors in position, attitude, joints and velocities, against the greatest
+    ///     rad; relative (N,): the maximum of the errors in position, attitude, joints and velocities, against the maximum
     ///     distance, rotation (at most 1 rad), travel (at most 1 rad or m) and velocities since the states were set; known (N,),
     ///     bool: True where `relative` is below 0.1. Beyond, or where it is NaN, the companion has gone another way, in chaotic
     ///     motion or where the step is far too long.

@@ -7,7 +7,7 @@ use pyo3::types::PyTuple;
 use super::arrays::{Given, optional_rows, read, rows, wrong_shape};
 use uvms_gym::batch::{Inputs, Simulator};
 
-/// Greatest number of coefficients of a servo target.
+/// Maximum number of coefficients of a servo target.
 const TERMS: usize = 4;
 
 /// Keyword arguments of a step.

@@ -25,7 +25,7 @@ pub fn trajectory_inputs(simulator: PyRef<'_, Simulator>, names: Vec<String>) ->
     Ok(found.into_iter().map(|argument| input_width(&simulator.inner, argument)).collect())
 }
 
-/// Trajectories of least cost, by arrays of `Problems` under its names; see `uvms_gym.optimize_trajectory`.
+/// Trajectories of minimum cost, by arrays of `Problems` under its names; see `uvms_gym.optimize_trajectory`.
 #[pyfunction]
 #[pyo3(signature = (simulator, inputs, arrays, *, horizon, substeps, iterations, tolerance))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]

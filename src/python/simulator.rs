@@ -39,7 +39,7 @@ use uvms_gym::limits::memory;
 /// dtype : str
 ///     "float64", or "float32": twice as fast, less accurate. Arrays are float64 in both cases.
 /// threads : int or None
-///     Greatest number of threads; one per core where None. Few instances use fewer.
+///     Maximum number of threads; one per core where None. Few instances use fewer.
 /// gamma : float
 ///     Gain of the norm-restoring term of the quaternion integrators, 1/s. [HC eq. 14]
 /// parameters : dict of array_like (N, ...), optional
@@ -48,7 +48,7 @@ use uvms_gym::limits::memory;
 ///     with shapes (N,), (N,) and (N, 6). A scalar holds for all. Each scene is checked as a whole.
 /// tolerance : float
 ///     For adaptive integrators ("mk54"): bound on the estimated error of each sub-interval of a step, in m and rad
-///     for the pose, absolute and relative for twist, q and qd. Least value about 1e-6 in float32; smaller ones count as that.
+///     for the pose, absolute and relative for twist, q and qd. Minimum value about 1e-6 in float32; smaller ones count as that.
 /// prescribed_joints : bool or sequence of str or int
 ///     Joints, by name or index, that follow `joint_target` of `step` exactly instead of by a servo (True: all of them), besides
 ///     those that the scene prescribes (`joint.prescribed`).
@@ -203,7 +203,7 @@ impl Simulator {
         self.inner.options().tolerance
     }
 
-    /// int: greatest number of threads of a step.
+    /// int: maximum number of threads of a step.
     #[getter]
     fn threads(&self) -> usize {
         self.inner.threads()
@@ -283,14 +283,14 @@ impl Simulator {
         self.inner.scene().fin_names()
     }
 
-    /// numpy.ndarray (k, 2): least and greatest deflection, rad; of the first instance where they differ.
+    /// numpy.ndarray (k, 2): minimum and maximum deflection, rad; of the first instance where they differ.
     #[getter]
     fn fin_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let fins = &self.inner.scene().vehicle.fins;
         array(py, &[fins.len(), 2], fins.iter().flat_map(|fin| fin.range()).collect())
     }
 
-    /// numpy.ndarray (m, 2): least and greatest thrust, N; of the first instance where they differ.
+    /// numpy.ndarray (m, 2): minimum and maximum thrust, N; of the first instance where they differ.
     #[getter]
     fn thruster_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let allocation = self.inner.allocation();

@@ -123,7 +123,7 @@ impl Simulator {
         Ok(list)
     }
 
-    /// Greatest stable step of each integrator, s, over all modes of the scene: at smaller steps every physically decaying mode
+    /// Maximum stable step of each integrator, s, over all modes of the scene: at smaller steps every physically decaying mode
     /// decays.
     ///
     /// Criterion: |R(h rate)| <= 1 for the integrator's stability function R. An undamped oscillation may grow by 1 % per

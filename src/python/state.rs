@@ -103,7 +103,7 @@ impl Simulator {
     }
 
     /// numpy.ndarray (N,): relative velocity error of the last thirty steps or so of each instance: the sum of the errors
-    /// estimated from the stages over the greatest speed; or the error of spinning in ten seconds, if that is greater.
+    /// estimated from the stages over the maximum speed; or the error of spinning in ten seconds, if that is greater.
     /// Integrators of one stage have the error of spinning alone; "mk54" keeps to its tolerance and has 0.
     #[getter]
     fn step_error<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {

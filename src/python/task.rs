@@ -116,11 +116,11 @@ impl Task {
         self.batch.task().options().control_period()
     }
 
-    /// Least and greatest age of the measurements, control periods.
+    /// Minimum and maximum age of the measurements, control periods.
     #[getter]
     fn delays(&self) -> (usize, usize) {
-        let [least, greatest] = self.batch.task().delays();
-        (least, greatest)
+        let [minimum, maximum] = self.batch.task().delays();
+        (minimum, maximum)
     }
 
     /// The complete scene, as `load_scene` gives it.
@@ -136,7 +136,7 @@ impl Task {
         Ok(Simulator { inner: simulator.clone() })
     }
 
-    /// Greatest magnitude of each entry of an observation, (d,).
+    /// Maximum magnitude of each entry of an observation, (d,).
     #[getter]
     fn observation_bound<'py>(&self, py: Python<'py>) -> Row<'py, f32> {
         PyArray1::from_slice(py, self.batch.task().layout().bound())

@@ -107,8 +107,8 @@ fn radius(body: &Body, water: &Water, length: f32, total: f32) -> f32 {
     let volume = if volume > 0.0 { volume } else { body.mass / 1000.0 };
     let length = length.max(0.06 * total).max(1e-3);
     let even = (volume as f32 / (std::f32::consts::PI * length)).sqrt();
-    let (least, most) = (0.025 * total.max(1e-3), 0.08 * total.max(1e-3));
-    even.max(least).min(most)
+    let (minimum, most) = (0.025 * total.max(1e-3), 0.08 * total.max(1e-3));
+    even.max(minimum).min(most)
 }
 
 /// Two fingers, open towards the end effector.

@@ -17,7 +17,7 @@ pub struct Camera {
     pub focal: f32,
     /// Centre of the picture, pixels.
     pub centre: [f32; 2],
-    /// Least depth that is drawn, m.
+    /// Minimum depth that is drawn, m.
     pub near: f32,
 }
 

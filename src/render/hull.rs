@@ -30,7 +30,7 @@ pub struct Thruster {
     pub position: Vector,
     /// Direction of positive thrust.
     pub axis: Vector,
-    /// Least and greatest thrust, N.
+    /// Minimum and maximum thrust, N.
     pub limits: [f64; 2],
     /// Radius of the duct, m.
     pub radius: f32,

@@ -26,8 +26,8 @@ pub struct Mesh {
 
 /// Unit vectors perpendicular to `axis` and to each other: `e1 x e2 = axis`.
 pub fn across(axis: &Vector) -> [Vector; 2] {
-    let least = axis.iamin();
-    let e1 = (Vector::ith(least, 1.0) - axis * axis[least]).normalize();
+    let minimum = axis.iamin();
+    let e1 = (Vector::ith(minimum, 1.0) - axis * axis[minimum]).normalize();
     [e1, axis.cross(&e1)]
 }
 

@@ -149,8 +149,8 @@ impl Canvas {
             return;
         }
         let bound = |of: fn(&ScreenCorner) -> i64, size: usize| {
-            let (least, most) = (of(&a).min(of(&b)).min(of(&c)), of(&a).max(of(&b)).max(of(&c)));
-            (least.div_euclid(GRID).max(0), (most.div_euclid(GRID) + 1).min(size as i64))
+            let (minimum, most) = (of(&a).min(of(&b)).min(of(&c)), of(&a).max(of(&b)).max(of(&c)));
+            (minimum.div_euclid(GRID).max(0), (most.div_euclid(GRID) + 1).min(size as i64))
         };
         let ((left, right), (top, bottom)) = (bound(|p| p.x, self.width), bound(|p| p.y, self.height));
         if left >= right || top >= bottom {
@@ -299,7 +299,7 @@ struct Shading {
     /// Offsets of the samples relative to the corner of the pixel.
     spread: [f32; SAMPLES],
     colour: [[f32; 3]; 4],
-    /// Least and greatest value at the corners.
+    /// Minimum and maximum value at the corners.
     range: [[f32; 2]; 4],
     opaque: bool,
 }
@@ -337,8 +337,8 @@ impl Shading {
         let (x, y) = (x + 0.5 * GRID as f32, y + 0.5 * GRID as f32);
         let mut colour = [0.0; 4];
         for k in 0..4 {
-            let ([at, along, down], [least, most]) = (self.colour[k], self.range[k]);
-            colour[k] = (at + along * x + down * y).max(least).min(most);
+            let ([at, along, down], [minimum, most]) = (self.colour[k], self.range[k]);
+            colour[k] = (at + along * x + down * y).max(minimum).min(most);
         }
         colour
     }

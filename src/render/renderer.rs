@@ -18,11 +18,11 @@ use super::shadow::Shadow;
 use crate::description::Scene;
 use crate::error::RenderError;
 
-/// Greatest width and height, pixels.
+/// Maximum width and height, pixels.
 const MAX_PIXELS: usize = 4096;
-/// Greatest magnitude of drawn coordinates, m.
+/// Maximum magnitude of drawn coordinates, m.
 const FAR: f64 = 1e5;
-/// Greatest radius of what the picture shows, over that of the scene.
+/// Maximum radius of what the picture shows, over that of the scene.
 const WIDEST: f64 = 24.0;
 /// Azimuth relative to the camera and elevation of the sun, rad: to the left and high.
 const SUN: (f64, f64) = (-0.75, 1.05);
@@ -55,8 +55,8 @@ impl Settings {
                 return Err(RenderError::Size { what, got, most: MAX_PIXELS });
             }
         }
-        let within = |what, value: f64, least: f64, most: f64, rule| {
-            let fine = (least..=most).contains(&value);
+        let within = |what, value: f64, minimum: f64, most: f64, rule| {
+            let fine = (minimum..=most).contains(&value);
             if fine { Ok(()) } else { Err(RenderError::Setting { what, value, rule }) }
         };
         within("azimuth", self.azimuth, -100.0, 100.0, "-100 to 100 rad")?;

@@ -53,8 +53,8 @@ impl Shadow {
             p.swap(1, 2);
         }
         let range = |k: usize| {
-            let (least, most) = (p[0][k].min(p[1][k]).min(p[2][k]), p[0][k].max(p[1][k]).max(p[2][k]));
-            (least.max(0.0) as usize, (most.max(0.0).min(SIDE as f32) as usize + 1).min(SIDE))
+            let (minimum, most) = (p[0][k].min(p[1][k]).min(p[2][k]), p[0][k].max(p[1][k]).max(p[2][k]));
+            (minimum.max(0.0) as usize, (most.max(0.0).min(SIDE as f32) as usize + 1).min(SIDE))
         };
         let ((left, right), (top, bottom)) = (range(0), range(1));
         for y in top..bottom {

@@ -115,13 +115,13 @@ fn undamped(parts: &[Part], link: &Pose<f64>, rigid: &SpatialInertia<f64>) -> Da
     damping_at(CoefficientMatrix::None, CoefficientMatrix::None, &Pose { rotation, position })
 }
 
-/// Greatest entry of an inertia or a moment that counts as rounding, relative to its size.
+/// Maximum entry of an inertia or a moment that counts as rounding, relative to its size.
 const ROUNDING: f64 = 1e-14;
 
-/// Size of an inertia's entries: geometric mean of the greatest masses or moments of inertia on the diagonal.
+/// Size of an inertia's entries: geometric mean of the maximum masses or moments of inertia on the diagonal.
 fn size(inertia: &SpatialInertia<f64>, i: usize, k: usize) -> f64 {
-    let greatest = |k: usize| (k / 3 * 3..k / 3 * 3 + 3).map(|k| inertia.entry(k, k)).fold(0.0, f64::max);
-    (greatest(i) * greatest(k)).sqrt()
+    let maximum = |k: usize| (k / 3 * 3..k / 3 * 3 + 3).map(|k| inertia.entry(k, k)).fold(0.0, f64::max);
+    (maximum(i) * maximum(k)).sqrt()
 }
 
 /// The inertia with rounding replaced by zeros. (Products of such numbers with each other are subnormal in single

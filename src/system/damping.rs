@@ -49,9 +49,9 @@ pub(super) fn damping_at(
     Damping { frame, linear, quadratic, linear_bound }
 }
 
-/// Greatest ratio of lift to the damping of the same motion that is bounded in full: a bound for more would slow down
+/// Maximum ratio of lift to the damping of the same motion that is bounded in full: a bound for more would slow down
 /// motions that are not stiff.
-const GREATEST_LIFT: f64 = 30.0;
+const MAX_LIFT: f64 = 30.0;
 
 /// `S + N^T S^-1 N` of a full D_L: see [`Damping::linear_bound`].
 fn linear_bound(linear: &CoefficientMatrix<f64>) -> Option<SpatialInertia<f64>> {
@@ -62,11 +62,11 @@ fn linear_bound(linear: &CoefficientMatrix<f64>) -> Option<SpatialInertia<f64>> 
         let factor = s.cholesky()?;
         let half = factor.l().solve_lower_triangular(&n)?;
         let ratio = factor.l().solve_lower_triangular(&half.transpose())?.norm();
-        (ratio <= GREATEST_LIFT).then(|| half.tr_mul(&half))
+        (ratio <= MAX_LIFT).then(|| half.tr_mul(&half))
     };
     // Where lift comes with too little damping, S is increased in proportion to the lift of each axis.
-    let least = na::Matrix6::from_fn(|i, k| if i == k { n.row(i).abs().sum() / GREATEST_LIFT } else { 0.0 });
-    let bound = s + bound(s).or_else(|| bound(s + 2.0 * least)).unwrap_or_else(na::Matrix6::zeros);
+    let minimum = na::Matrix6::from_fn(|i, k| if i == k { n.row(i).abs().sum() / MAX_LIFT } else { 0.0 });
+    let bound = s + bound(s).or_else(|| bound(s + 2.0 * minimum)).unwrap_or_else(na::Matrix6::zeros);
     Some(SpatialInertia::from_entries(|i, k| bound[(i, k)]))
 }
 

@@ -73,20 +73,20 @@ pub struct JointTerms<P, B = P> {
     pub limits: Option<Limits<P>>,
     /// Joint servo.
     pub servo: Option<Servo<P>>,
-    /// Greatest actuator torque, N m or N.
+    /// Maximum actuator torque, N m or N.
     pub effort: Option<P>,
-    /// Linear actuator, whose greatest torque replaces `effort`.
+    /// Linear actuator, whose maximum torque replaces `effort`.
     pub actuator: Option<Actuator<P>>,
 }
 
-/// A linear actuator of a revolute joint, with the greatest torque `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`, N m.
+/// A linear actuator of a revolute joint, with the maximum torque `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`, N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuator<P> {
     /// Angle between the two attachment points at q = 0, rad.
     pub angle: P,
     /// s, the sum of the squared distances of the attachment points from the axis, and t, twice their product, m2.
     pub stroke: [P; 2],
-    /// f, the greatest force times the product of the distances, N m2.
+    /// f, the maximum force times the product of the distances, N m2.
     pub force: P,
 }
 
@@ -95,7 +95,7 @@ impl<P: Copy> Actuator<P> {
         Actuator { angle: c(self.angle), stroke: self.stroke.map(c), force: c(self.force) }
     }
 
-    /// Greatest torque at joint coordinate `q`, N m.
+    /// Maximum torque at joint coordinate `q`, N m.
     #[inline(always)]
     pub fn effort<L: Lane>(&self, q: L) -> L
     where

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::hydro::{THRUSTERS, Thrusts};
 
-/// Greatest number of joints: q0 of joint loading and eight of the arm.
+/// Maximum number of joints: q0 of joint loading and eight of the arm.
 pub const JOINTS: usize = 9;
 
 /// One number per joint; entries past the scene's joint count are 0.

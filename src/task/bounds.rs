@@ -6,13 +6,13 @@ use crate::lane::Lane;
 use crate::lie::Vector3;
 use crate::system::State;
 
-/// Greatest distance from the target, m.
+/// Maximum distance from the target, m.
 pub(super) const POSITION_BOUND: f64 = 10.0;
-/// Greatest linear speed, m/s.
+/// Maximum linear speed, m/s.
 pub(super) const SPEED_BOUND: f64 = 10.0;
-/// Greatest angular speed, rad/s.
+/// Maximum angular speed, rad/s.
 pub(super) const TURN_BOUND: f64 = 20.0;
-/// Greatest joint rate, rad/s or m/s.
+/// Maximum joint rate, rad/s or m/s.
 pub(super) const RATE_BOUND: f64 = 20.0;
 
 /// First bound that a state reaches, if any: name, value and bound. `frame` is the pose of the task's frame, `target` its

@@ -82,7 +82,7 @@ impl Task {
     /// A classical controller with these gains; defaults for those that are null or not given.
     ///
     /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
-    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the greatest for banks of models), but
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the maximum for banks of models), but
     /// for DOB and resolved motion, where `null` stands for it and the default is 0; the others by their structs.
     ///
     /// # Errors
@@ -206,7 +206,7 @@ impl Task {
         if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 }
     }
 
-    /// Least and greatest age of the sensors' measurements, control periods.
+    /// Minimum and maximum age of the sensors' measurements, control periods.
     pub fn delays(&self) -> [usize; 2] {
         self.disturbance().delay_range(self.options().control_period())
     }

@@ -217,7 +217,7 @@ where
     pub(super) tolerance: [T; 2],
     /// Control period, s.
     pub(super) period: T,
-    /// Greatest correction to the base controller's action, with residual actions.
+    /// Maximum correction to the base controller's action, with residual actions.
     pub(super) residual: Option<T>,
     /// World axis against gravity.
     pub(super) up: [T; 3],

@@ -39,13 +39,13 @@ pub enum DockArm {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dock {
-    /// Least initial distance from the dock, m; `start_distance` is the greatest.
+    /// Minimum initial distance from the dock, m; `start_distance` is the maximum.
     pub start_clearance: f64,
     /// Half angle of the cone in front of the dock that starts are drawn from, rad.
     pub approach_cone: f64,
     /// Motion of the arm.
     pub arm: DockArm,
-    /// Greatest amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
+    /// Maximum amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
     pub arm_amplitude: f64,
     /// Horizontal motion of the dock relative to that of the water at its place.
     pub dock_sway: f64,
@@ -323,7 +323,7 @@ impl TaskDefinition for Dock {
         // Relative speed near the dock: smooth in both, and at most the weight.
         let distance = metrics.pose_error * L::c(1.0 / NEAR);
         let closeness = one / distance.mul_add(distance, one);
-        let fast = speed / (speed + L::splat(task.hold_speed) + L::c(LEAST_SPEED));
+        let fast = speed / (speed + L::splat(task.hold_speed) + L::c(MIN_SPEED));
         let reward = docked * L::splat(task.docked_reward) - closeness * fast * L::splat(task.speed_weight);
         memory.set_all(own + HOLD, &[hold, docked, success, time, captured, approach, reward]);
         reward
@@ -358,7 +358,7 @@ impl TaskDefinition for Dock {
 /// Pose error at which the reward's weight of the relative speed has fallen to a half, m.
 const NEAR: f64 = 0.5;
 /// Keeps the reward's speed term finite without a hold speed, m/s.
-const LEAST_SPEED: f64 = 1e-3;
+const MIN_SPEED: f64 = 1e-3;
 
 /// Sets the target and its twist to the dock's: its pose in still water, moved and tilted by the waves.
 #[inline(always)]

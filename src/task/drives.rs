@@ -14,7 +14,7 @@ use crate::system::State;
 const ACCELERATION: [f64; 2] = [10.0, 2.0];
 /// Number of poses at which the arm's weight and inertia are evaluated.
 const POSES: u32 = 64;
-/// Greatest share of the thrusters' moments for a path's rotation out of the horizontal.
+/// Maximum share of the thrusters' moments for a path's rotation out of the horizontal.
 const TILTING: f64 = 0.4;
 /// Tilt at which the restoring moment is evaluated, rad.
 const SMALL_TILT: f64 = 0.05;
@@ -24,14 +24,14 @@ const SMALL_TILT: f64 = 0.05;
 pub struct JointDrives {
     /// Torque of an action of 1 per joint, N m or N.
     pub torques: Vec<f64>,
-    /// Greatest amplitude of a path's rotation out of the horizontal, rad.
+    /// Maximum amplitude of a path's rotation out of the horizontal, rad.
     pub tilt: f64,
 }
 
 impl JointDrives {
     /// Drives of a scene's joints; `limits` are those of the thrusters' wrench.
     pub(super) fn new(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<Self, TaskError> {
-        Ok(Self { torques: greatest_torques(scene, up)?, tilt: greatest_tilt(scene, up, limits)? })
+        Ok(Self { torques: max_torques(scene, up)?, tilt: max_tilt(scene, up, limits)? })
     }
 }
 
@@ -51,7 +51,7 @@ pub(super) fn with_drives(scene: &Scene) -> Scene {
 /// Torque of an action of 1 at each joint, N m or N: the joint's effort or, where that is less, twice the holding torque of
 /// the arm in any pose, plus friction at 1 rad/s and the [`ACCELERATION`]s. A light joint then does not diverge within a
 /// control period.
-fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
+fn max_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
     let (balance, joints) = (model(scene)?, scene.joints().collect::<Vec<_>>());
     let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
     let mut holding = vec![0.0f64; joints.len()];
@@ -87,9 +87,9 @@ fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskEr
     Ok(joints.iter().enumerate().map(torque).collect())
 }
 
-/// Greatest amplitude of rotation out of the horizontal, rad: at twice that, the greatest distance from the start, holding
+/// Maximum amplitude of rotation out of the horizontal, rad: at twice that, the maximum distance from the start, holding
 /// the vehicle takes the share [`TILTING`] of the thrusters' moments about either axis. 0 without moments.
-fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f64, TaskError> {
+fn max_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f64, TaskError> {
     let balance = model(scene)?;
     let hold = |rotation: Rotation3<f64>| {
         let state = State { rotation: rotation.into_inner(), q: scene.home(), ..State::default() };
@@ -97,13 +97,13 @@ fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f
     };
     let upright = Rotation3::rotation_between(&Vector3::z(), up).unwrap_or_default();
     let level = hold(upright)?;
-    let mut greatest = f64::INFINITY;
+    let mut maximum = f64::INFINITY;
     for (axis, limit) in [(Vector3::x(), limits[3]), (Vector3::y(), limits[4])] {
         let tilted = hold(upright * Rotation3::from_scaled_axis(axis * SMALL_TILT))?;
         let stiffness = (tilted - level).fixed_rows::<3>(3).norm() / SMALL_TILT;
-        greatest = greatest.min(if limit > 0.0 { 0.5 * TILTING * limit / stiffness } else { 0.0 });
+        maximum = maximum.min(if limit > 0.0 { 0.5 * TILTING * limit / stiffness } else { 0.0 });
     }
-    Ok(greatest)
+    Ok(maximum)
 }
 
 fn model(scene: &Scene) -> Result<ClosedFormModel, TaskError> {

@@ -19,7 +19,7 @@ use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::Vector3;
 
-/// Greatest number of preview points.
+/// Maximum number of preview points.
 pub const PREVIEW: usize = 8;
 
 /// End-effector tracking.
@@ -30,9 +30,9 @@ pub struct EETrack {
     pub reference: PathKind,
     /// Amplitude or radius, m; 50 to 100 % of it are drawn.
     pub reference_size: f64,
-    /// Greatest speed, m/s; 50 to 100 % of it are drawn.
+    /// Maximum speed, m/s; 50 to 100 % of it are drawn.
     pub reference_speed: f64,
-    /// Greatest amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
+    /// Maximum amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
     pub reference_rotation: f64,
     /// Points of the path ahead.
     pub preview: Preview,
@@ -79,7 +79,7 @@ pub struct EETrackKernel<T> {
     rows: PathRows,
     /// Preview points, and the control periods between them.
     preview: (usize, T),
-    /// Greatest distance of each joint coordinate from home.
+    /// Maximum distance of each joint coordinate from home.
     travel: Vec<T>,
 }
 
@@ -102,14 +102,14 @@ impl TaskDefinition for EETrack {
     }
 
     fn check(&self, _start_distance: f64) -> Result<(), TaskError> {
-        for (name, value, greatest, allowed) in [
+        for (name, value, maximum, allowed) in [
             ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
             ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
             ("reference_rotation", self.reference_rotation, 0.6, "in [0, 0.6] rad"),
             ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
             ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
         ] {
-            check_range(name, value, (0.0..=greatest).contains(&value), allowed)?;
+            check_range(name, value, (0.0..=maximum).contains(&value), allowed)?;
         }
         Ok(())
     }

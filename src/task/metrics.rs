@@ -102,9 +102,9 @@ metrics! {
 
 /// Number of metrics that all tasks share.
 pub const METRICS: usize = Metrics::NAMES.len();
-/// Greatest number of a task's own metrics.
+/// Maximum number of a task's own metrics.
 pub const OWN_METRICS: usize = 4;
-/// Greatest number of metrics of a task.
+/// Maximum number of metrics of a task.
 pub const INFO: usize = METRICS + OWN_METRICS;
 
 /// Result of a control period for a group of instances.

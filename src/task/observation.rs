@@ -15,7 +15,7 @@ pub(super) const JOINT_SCALE: f64 = 0.5;
 pub(super) const INTEGRAL_SCALE: f64 = 0.2;
 /// Joint coordinates are observed within this angle of home, rad, or within twice the joint's travel.
 const JOINT_BOUND: f64 = 10.0;
-/// Greatest entry of a unit vector: rounding included.
+/// Maximum entry of a unit vector: rounding included.
 pub(super) const UNIT_BOUND: f64 = 1.001;
 
 /// A named run of entries in a row of observations.
@@ -29,7 +29,7 @@ pub struct Block {
     pub offset: usize,
     /// Physical value of 1, per entry.
     pub scale: Vec<f64>,
-    /// Greatest magnitude, in scaled units, per entry.
+    /// Maximum magnitude, in scaled units, per entry.
     pub bound: Vec<f64>,
     /// Unit of the physical value.
     pub unit: &'static str,
@@ -58,7 +58,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Appends a block with a (scale, greatest physical magnitude) per entry; without entries, nothing.
+    /// Appends a block with a (scale, maximum physical magnitude) per entry; without entries, nothing.
     pub fn push(&mut self, name: &'static str, unit: &'static str, description: &'static str, entries: &[(f64, f64)]) {
         if entries.is_empty() {
             return;
@@ -91,7 +91,7 @@ impl Layout {
         self.scale.is_empty()
     }
 
-    /// Greatest magnitude of each entry: a row lies in `[-bound, bound]`.
+    /// Maximum magnitude of each entry: a row lies in `[-bound, bound]`.
     pub fn bound(&self) -> &[f32] {
         &self.bound
     }
@@ -102,9 +102,9 @@ impl Layout {
     }
 }
 
-/// Scale and greatest magnitude per entry of a pose error: position, attitude.
+/// Scale and maximum magnitude per entry of a pose error: position, attitude.
 pub(super) const POSE_ERROR: [(f64, f64); 2] = [(ERROR_SCALE, POSITION_BOUND), (ERROR_SCALE, PI)];
-/// Scale and greatest magnitude per entry of a twist: linear, angular.
+/// Scale and maximum magnitude per entry of a twist: linear, angular.
 pub(super) const TWIST: [(f64, f64); 2] = [(TWIST_SCALE, SPEED_BOUND), (TWIST_SCALE, TURN_BOUND)];
 
 /// Six entries from one (scale, bound) for the first three and one for the others.
@@ -126,7 +126,7 @@ pub(super) fn joint_entries(joints: &[Joint]) -> [Vec<(f64, f64)>; 2] {
     [joints.iter().map(coordinate).collect(), joints.iter().map(rate).collect()]
 }
 
-/// Greatest distance of each joint coordinate from home.
+/// Maximum distance of each joint coordinate from home.
 pub(super) fn joint_bounds(layout: &Layout) -> Vec<f64> {
     let block = layout.block("joint_position");
     block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale)).collect()

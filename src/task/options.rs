@@ -21,7 +21,7 @@ pub struct Options<K> {
     pub dt: f64,
     /// Physics steps per control period.
     pub substeps: u32,
-    /// Greatest speed of the drawn current, m/s, without a disturbance. It adds to the scene's own current.
+    /// Maximum speed of the drawn current, m/s, without a disturbance. It adds to the scene's own current.
     pub max_current: f64,
     /// Disturbance of the episodes; without it a steady current. As JSON among plain values.
     #[serde(default, with = "as_json", skip_serializing_if = "Option::is_none")]
@@ -32,19 +32,19 @@ pub struct Options<K> {
     /// Time constant of all thrusters, s, in place of the scene's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thruster_lag: Option<f64>,
-    /// Greatest initial distance from the target, m.
+    /// Maximum initial distance from the target, m.
     pub start_distance: f64,
-    /// Greatest initial attitude error, rad.
+    /// Maximum initial attitude error, rad.
     pub start_angle: f64,
-    /// Greatest distance of a drawn target from the world origin, m; 0 for a target at the origin.
+    /// Maximum distance of a drawn target from the world origin, m; 0 for a target at the origin.
     pub target_distance: f64,
-    /// Greatest heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
+    /// Maximum heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
     pub target_heading: f64,
     /// Reward weights.
     pub reward: RewardWeights,
     /// Errors below which a pose counts as reached.
     pub tolerance: Tolerance,
-    /// Greatest correction to the base controller's action with residual actions; 1 is an actuator's limit.
+    /// Maximum correction to the base controller's action with residual actions; 1 is an actuator's limit.
     pub residual_scale: f64,
 }
 

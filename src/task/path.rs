@@ -43,11 +43,11 @@ pub enum PathKind {
 pub struct PathRange {
     /// Kind of path.
     pub kind: PathKind,
-    /// Greatest amplitude or radius, m; 50 to 100 % of it are drawn.
+    /// Maximum amplitude or radius, m; 50 to 100 % of it are drawn.
     pub size: f64,
-    /// Greatest speed, m/s; 50 to 100 % of it are drawn.
+    /// Maximum speed, m/s; 50 to 100 % of it are drawn.
     pub speed: f64,
-    /// Greatest amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
+    /// Maximum amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
     pub rotation: f64,
 }
 
@@ -59,11 +59,11 @@ const HARMONICS: usize = 2;
 const KNOTS: usize = 8;
 /// Radius of the ball of the spline's control points, relative to the path's size; the curve stays well within.
 pub const KNOT_RADIUS: f64 = 1.5;
-/// Greatest rotation out of the horizontal, relative to that about the vertical.
+/// Maximum rotation out of the horizontal, relative to that about the vertical.
 const TILT: f64 = 0.3;
-/// Greatest angular speed, rad/s.
+/// Maximum angular speed, rad/s.
 pub const TURN_SPEED: f64 = 0.3;
-/// Phases at which the greatest speed is searched.
+/// Phases at which the maximum speed is searched.
 const SAMPLES: u32 = 256;
 
 /// Numbers of a path: offsets from its first row.
@@ -187,10 +187,10 @@ fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, pha
     (x, slope)
 }
 
-/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the greatest amplitude of
+/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the maximum amplitude of
 /// rotation out of the horizontal, rad, `period` the control period, s.
 ///
-/// Its greatest speed is 50 to 100 % of that of the range, its angular speed at most [`TURN_SPEED`].
+/// Its maximum speed is 50 to 100 % of that of the range, its angular speed at most [`TURN_SPEED`].
 pub fn draw_path(
     range: &PathRange,
     start: &Pose,
@@ -214,10 +214,10 @@ pub fn draw_path(
     let other = draw.unit_vector(3);
     let across = along.cross(&other).try_normalize(1e-9).unwrap_or_else(|| along.cross(up));
     // About the vertical, and less out of it.
-    let greatest = tilt.min(TILT * range.rotation);
+    let maximum = tilt.min(TILT * range.rotation);
     let turn = |at: u32| {
         let axis = draw.unit_vector(at);
-        (axis - up * axis.dot(up)) * greatest + up * draw.uniform_in(at + 1, -range.rotation, range.rotation)
+        (axis - up * axis.dot(up)) * maximum + up * draw.uniform_in(at + 1, -range.rotation, range.rotation)
     };
     let six = |x: Vector3<f64>, w: Vector3<f64>| Vector6::new(x.x, x.y, x.z, w.x, w.y, w.z);
     let zero = Vector3::zeros();

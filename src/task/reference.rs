@@ -9,7 +9,7 @@ use crate::system::JOINTS;
 
 /// Duration of the ramp from rest, s.
 const RAMP: f64 = 3.0;
-/// Greatest slope of the ramp `10 x^3 - 15 x^4 + 6 x^5`.
+/// Maximum slope of the ramp `10 x^3 - 15 x^4 + 6 x^5`.
 const RAMP_SLOPE: f64 = 1.875;
 /// Ranges of the frequencies of the two sinusoids, Hz.
 const FREQUENCIES: [[f64; 2]; 2] = [[0.05, 0.1], [0.1, 0.2]];
@@ -35,7 +35,7 @@ pub struct ReferencePoint<L = f64> {
 /// `q_d = q_0 + s(x) (c - q_0 + sum_k a_k sin(phi_k))`, where x and the phases grow steadily from period to period.
 ///
 /// The ramp s goes from 0 to 1 with zero slope and curvature at its ends, so the reference starts at rest; as s <= 1, it
-/// stays between `q_0` and `c -+ (a_1 + a_2)`. It is slowed down where it would exceed the joint's greatest speed.
+/// stays between `q_0` and `c -+ (a_1 + a_2)`. It is slowed down where it would exceed the joint's maximum speed.
 /// Phases are kept within a turn, so that they stay exact in episodes of any length, even in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointReference<L = f64> {
@@ -86,10 +86,10 @@ impl JointReference {
         let frequency = [0, 1].map(|k| TAU * draw(1 + k as u32, FREQUENCIES[k][0], FREQUENCIES[k][1]));
         let (shift, amplitude) = (center - start, SHARES.map(|share| share * swing));
         // Upper bound of the rate.
-        let greatest = RAMP_SLOPE / RAMP * (shift.abs() + amplitude[0] + amplitude[1])
+        let maximum = RAMP_SLOPE / RAMP * (shift.abs() + amplitude[0] + amplitude[1])
             + amplitude[0] * frequency[0]
             + amplitude[1] * frequency[1];
-        let slowed = joint.speed.map_or(pace, |speed| (speed / greatest).min(pace)) * period;
+        let slowed = joint.speed.map_or(pace, |speed| (speed / maximum).min(pace)) * period;
         Self {
             phase: [0, 1].map(|k| draw(3 + k, 0.0, TAU)),
             progress: 0.0,

@@ -22,7 +22,7 @@ use crate::system::JOINTS;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationKeep {
-    /// Greatest amplitude of the arm's reference about home, rad (a quarter of it in metres for prismatic joints).
+    /// Maximum amplitude of the arm's reference about home, rad (a quarter of it in metres for prismatic joints).
     pub arm_amplitude: f64,
 }
 

@@ -9,7 +9,7 @@ use crate::description::Frame;
 use crate::error::DescriptionError;
 use crate::estimate::{Axis, Ends, Round, Shape};
 
-/// Greatest magnitude of a number, as for scenes.
+/// Maximum magnitude of a number, as for scenes.
 const MAX_MAGNITUDE: f64 = 1e12;
 
 /// Maximum number of an element's attributes.

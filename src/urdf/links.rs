@@ -7,7 +7,7 @@ use super::file::{Inertial, Kind, Link, Robot};
 use crate::description::Frame;
 use crate::estimate::Shape;
 
-/// Least semi-axis of the ellipsoid that represents a link without geometry, m.
+/// Minimum semi-axis of the ellipsoid that represents a link without geometry, m.
 const THINNEST: f64 = 1e-3;
 
 /// A moving part: inertial properties and shapes, in the frame of its joint.

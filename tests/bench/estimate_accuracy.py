@@ -41,7 +41,7 @@ class Recorder(CaseRunner):
 
 
 def error(name: str, value: Floats, reference: Floats) -> float:
-    """Greatest absolute error of any sample, rad or m."""
+    """Maximum absolute error of any sample, rad or m."""
     difference = np.abs(value - reference)
     if name == "attitude":
         return float(np.linalg.norm(value - reference, axis=(1, 2)).max() / np.sqrt(2.0))

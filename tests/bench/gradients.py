@@ -1,6 +1,6 @@
 """Time of the derivatives of a step over that of the step, one thread: python tests/bench/gradients.py.
 
-In turns, the least time of the processor. A call of one step, a step of a call of 20, and that of 64 instances.
+In turns, the minimum time of the processor. A call of one step, a step of a call of 20, and that of 64 instances.
 """
 
 import sys
@@ -21,8 +21,8 @@ def seconds(call: Callable[[], object]) -> float:
     return time.thread_time() - start
 
 
-def least(scene: str, integrator: str, substeps: int, num_envs: int = 1) -> tuple[list[float], int]:
-    """Least times of a step, its Jacobians and its products, s per instance; the number of columns."""
+def minimum(scene: str, integrator: str, substeps: int, num_envs: int = 1) -> tuple[list[float], int]:
+    """Minimum times of a step, its Jacobians and its products, s per instance; the number of columns."""
     step, differentiated = (
         Simulator(scene, num_envs, integrator=integrator, threads=1, error_estimate=False) for _ in range(2)
     )
@@ -49,7 +49,7 @@ def main() -> None:
     for scene in sys.argv[1:] or ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]:
         for integrator in ("mk4", "ros2", "mk54"):
             for substeps, num_envs in ((1, 1), (20, 1), (20, 64)):
-                (step, *others), columns = least(scene, integrator, substeps, num_envs)
+                (step, *others), columns = minimum(scene, integrator, substeps, num_envs)
                 times = f"{1e6 * step:10.2f}  {1e6 * others[0]:13.1f}" + "".join(f"{x / step:8.1f}" for x in others)
                 print(f"{scene:<24}{integrator:<12}{columns:7} {num_envs:3} {substeps:6} {times}")
 

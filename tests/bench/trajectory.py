@@ -119,7 +119,7 @@ def against_crocoddyl(scene: str) -> None:
     for _ in range(PROBLEMS):
         target = home + 0.2 * rng.normal(size=3)
         for name, solve in solves.items():
-            # Of three, the least disturbed by other load.
+            # Of three, the minimum disturbed by other load.
             spent, count = min(solve(target) for _ in range(3))
             fixed = min(without(target)[0] for _ in range(3)) if name.startswith("ours") else 0.0
             times[name].append((spent - fixed) / count)

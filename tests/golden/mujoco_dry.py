@@ -13,7 +13,7 @@ linear velocity in world axes and its angular velocity in body axes, and `qacc` 
 moving bodies go through `mj_applyFT`. Against Pinocchio, on its very states, the script checks itself.
 
 The motions, written to tests/golden/mujoco_motion.json, are dry chains over 1 s under constant joint torques, by
-MuJoCo's RK4 at a step of 1e-5 s; `step_effect` is the greatest change of any number at the end by the last halving of
+MuJoCo's RK4 at a step of 1e-5 s; `step_effect` is the maximum change of any number at the end by the last halving of
 the step.
 """
 

@@ -135,7 +135,7 @@ def test_the_driven_motion_is_work_within_limits() -> None:
     character = motion.character(driven, track)
     assert 1.0 < character["path"] < 10.0
     assert 0.5 < character["turn"] < 10.0
-    assert 0.4 < character["greatest_reference_rate"] <= 0.55
+    assert 0.4 < character["max_reference_rate"] <= 0.55
 
 
 def test_a_motion_is_the_same_again_and_tiled_repeats_it() -> None:

@@ -145,7 +145,7 @@ def test_episodes_are_compared_up_to_the_first_end() -> None:
     assert certificate.compare(run, truth, np.array([0.1, 0.0]))["position"]["worst"] == np.inf
 
 
-def test_recommended_is_the_greatest_certified_step() -> None:
+def test_recommended_is_the_max_certified_step() -> None:
     rows = [{"integrator": "mk4", "dtype": "float64", "step": h, "exceeded": e} for h, e in ((0.1, ["x"]), (0.05, []))]
     rows += [rows[1] | {"step": 0.01}, rows[0] | {"dtype": "float32"}]
     assert [entry["step"] for entry in certificate.recommend(rows)] == [0.05, None]

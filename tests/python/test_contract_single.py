@@ -37,9 +37,9 @@ def idle(env):
     return np.zeros(env.action_space.shape, dtype=np.float32)
 
 
-def other_than(seed, env, greatest=0.1):
+def other_than(seed, env, maximum=0.1):
     """Actions that look random, and hurl no arm about."""
-    return np.random.default_rng(seed).uniform(-greatest, greatest, env.action_space.shape).astype(np.float32)
+    return np.random.default_rng(seed).uniform(-maximum, maximum, env.action_space.shape).astype(np.float32)
 
 
 # Registration

@@ -36,9 +36,9 @@ def idle(envs):
     return np.zeros(envs.action_space.shape, dtype=np.float32)
 
 
-def other_than(seed, envs, greatest=0.1):
+def other_than(seed, envs, maximum=0.1):
     """Actions that look random, and hurl no arm about."""
-    return np.random.default_rng(seed).uniform(-greatest, greatest, envs.action_space.shape).astype(np.float32)
+    return np.random.default_rng(seed).uniform(-maximum, maximum, envs.action_space.shape).astype(np.float32)
 
 
 # Making them

@@ -158,10 +158,10 @@ def test_the_classical_controller_docks_in_calm_water(scene):
     assert (last["approach_speed"][docked] > 0.02).all() and (last["approach_speed"] < 0.6).all()
 
 
-@pytest.mark.parametrize(("disturbance", "least"), [("waves", 0.9), ("storm", 0.5)])
-def test_the_classical_controller_docks_in_waves(disturbance, least):
+@pytest.mark.parametrize(("disturbance", "minimum"), [("waves", 0.9), ("storm", 0.5)])
+def test_the_classical_controller_docks_in_waves(disturbance, minimum):
     # Of 256 episodes 99 % and 57 %.
-    assert dockings("petasus-pum", 128, disturbance=disturbance)["success"].mean() >= least
+    assert dockings("petasus-pum", 128, disturbance=disturbance)["success"].mean() >= minimum
 
 
 def test_metrics_keep_their_laws_under_the_controller():

@@ -51,13 +51,13 @@ def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any
     env = pushed([0.0] * 6, 1)
     controller = kind(env, observer_bandwidth=[2.0, 2.0])
     observation, _ = env.reset(seed=3)
-    state, greatest = None, np.zeros(6)
+    state, maximum = None, np.zeros(6)
     for _ in range(120):
         action, state = controller.predict(observation, state)
         observation, *_ = env.step(action)
-        greatest = np.maximum(greatest, np.abs(controller.disturbance(state)).max(0))
+        maximum = np.maximum(maximum, np.abs(controller.disturbance(state)).max(0))
     # The arm's own momentum is that of its rates, which change within a period.
-    assert (greatest < [0.5, 0.5, 0.5, 0.2, 0.2, 0.2]).all(), greatest
+    assert (maximum < [0.5, 0.5, 0.5, 0.2, 0.2, 0.2]).all(), maximum
 
 
 @pytest.mark.parametrize("kind", [*KINDS, NMPC])

@@ -375,14 +375,14 @@ fn a_linear_actuator_limits_torque_by_its_lever() {
                 })
                 .unwrap()
         };
-        let greatest = 20.0 * actuator.arm(q);
-        assert!((scene.joints().nth(1).unwrap().effort_at(q) - greatest).abs() < 1e-12);
+        let maximum = 20.0 * actuator.arm(q);
+        assert!((scene.joints().nth(1).unwrap().effort_at(q) - maximum).abs() < 1e-12);
         for sign in [1.0, -1.0] {
-            let (beyond, at) = (under(sign * 1e3), under(sign * greatest));
+            let (beyond, at) = (under(sign * 1e3), under(sign * maximum));
             for (a, b) in beyond.iter().zip(&at) {
                 assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{q}: {a} {b}");
             }
-            assert!((under(sign * 0.9 * greatest)[7] - at[7]).abs() > 1e-3);
+            assert!((under(sign * 0.9 * maximum)[7] - at[7]).abs() > 1e-3);
         }
     }
 }

@@ -10,7 +10,7 @@ use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::system::{JOINTS, Joints, State, rotation_vector};
 
-/// Bound on errors, relative to the greatest component.
+/// Bound on errors, relative to the maximum component.
 const TOLERANCE: f64 = 1e-10;
 
 type ForwardDynamics = fn(&Scene, &Case) -> DVector<f64>;
@@ -151,7 +151,7 @@ fn golden(file: &str) -> Vec<(Scene, SceneCases)> {
     read(file).into_iter().map(|cases: SceneCases| (scene(&cases.scene), cases)).collect()
 }
 
-/// Asserts that two lists agree; the error relative to the greatest entry.
+/// Asserts that two lists agree; the error relative to the maximum entry.
 fn assert_close<'a>(
     what: &str,
     ours: impl IntoIterator<Item = &'a f64>,
@@ -267,7 +267,7 @@ fn val_dry_motions_end_where_mujocos_do() {
     }
 }
 
-/// Greatest difference of two states.
+/// Maximum difference of two states.
 fn miss(ours: &State, theirs: &State) -> f64 {
     let joints = ours.q.iter().chain(&ours.qd).zip(theirs.q.iter().chain(&theirs.qd)).map(|(a, b)| (a - b).abs());
     let turn = rotation_vector(&(theirs.rotation.transpose() * ours.rotation)).amax();

@@ -176,17 +176,17 @@ fn val_limits_of_stability() {
         (Stability::Adaptive, f64::INFINITY, f64::INFINITY),
     ] {
         for (rate, limit) in [(real(-fast), along_real), (Complex::new(0.0, fast), along_imaginary)] {
-            let step = stability.greatest_step(rate, 0.0, f64::INFINITY);
+            let step = stability.max_step(rate, 0.0, f64::INFINITY);
             assert!(step == limit || (step * fast / limit - 1.0).abs() < 1e-4, "{stability:?}: {}", step * fast);
-            assert_eq!(stability.greatest_step(rate, 0.0, 1e-12), 1e-12, "no more than asked for");
+            assert_eq!(stability.max_step(rate, 0.0, 1e-12), 1e-12, "no more than asked for");
         }
         // What grows by itself bounds no step, and neither does what does not change.
         for rate in [real(3.0), Complex::new(1.0, 5.0), real(0.0)] {
-            assert_eq!(stability.greatest_step(rate, 0.0, f64::INFINITY), f64::INFINITY);
+            assert_eq!(stability.max_step(rate, 0.0, f64::INFINITY), f64::INFINITY);
         }
     }
     // Lenience counts for light damping, and leaves the limits where damping is strong.
-    let step = |rate, lenience| Stability::Explicit(&EULER).greatest_step(rate, lenience, f64::INFINITY);
+    let step = |rate, lenience| Stability::Explicit(&EULER).max_step(rate, lenience, f64::INFINITY);
     assert!((step(Complex::new(0.0, 1.0), PASSING) / 0.2 - 1.0).abs() < 0.03);
     assert!((step(real(-10.0), PASSING) - 0.2).abs() < 1e-3);
 }
@@ -205,7 +205,7 @@ fn val_the_stability_function_is_the_exponential_to_the_order() {
 
 #[test]
 fn val_the_linearly_implicit_methods_are_stable_at_any_step() {
-    // Greatest amplification of an undamped oscillation by a step.
+    // Maximum amplification of an undamped oscillation by a step.
     for (order, growth) in [(2, 1e-15), (3, 0.0017)] {
         let factor = |z: Complex<f64>| Stability::LinearlyImplicit { order }.factor(z);
         for angle in 0..=90 {
@@ -299,7 +299,7 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
             let found = rates(&scene, &held, BOTH);
             for integrator in ["mk4", "mk3", "mk2"] {
                 let stability = Integrator::named(integrator, &Gains::DEFAULT).unwrap().stability();
-                let most = |h: f64, rate: &Complex<f64>| stability.greatest_step(*rate, 0.0, h);
+                let most = |h: f64, rate: &Complex<f64>| stability.max_step(*rate, 0.0, h);
                 let stable = found.iter().fold(f64::INFINITY, most);
                 let [below, above] = [0.9, 1.15].map(|f| growth(&scene, integrator, f * stable, wrench, torque));
                 println!("{name} x{factor} {integrator}: {stable:.3e} s, growth {below:.2e} below, {above:.2e} above");
@@ -536,17 +536,17 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
                     s.set_state(i, &state);
                 }
                 let inputs = Inputs { joint_target: (n > 0).then_some(&target), ..Inputs::default() };
-                let mut greatest: f64 = 0.0;
+                let mut maximum: f64 = 0.0;
                 for _ in 0..20 {
                     s.step(&inputs, 5).unwrap();
-                    greatest = (0..16).fold(greatest, |greatest, i| greatest.max(s.stiffness(i)));
+                    maximum = (0..16).fold(maximum, |maximum, i| maximum.max(s.stiffness(i)));
                 }
-                println!("{name}, {integrator} at {dt} s, {precision:?}: h |rate| up to {greatest:.3}");
+                println!("{name}, {integrator} at {dt} s, {precision:?}: h |rate| up to {maximum:.3}");
                 // Coarser steps and lower orders get such starts wrong by percents, and say so.
                 if (integrator, dt) == ("mk4", 0.01) {
                     assert_eq!(s.warn_of_motion(), None);
                 }
-                assert!(greatest < 2.0, "{greatest}");
+                assert!(maximum < 2.0, "{maximum}");
             }
         }
     }

@@ -175,8 +175,8 @@ class TaskBase:
         IndexError, ValueError, gymnasium.error.ResetNeeded
             `instance` or `steps` is out of range, or there is no episode.
         """
-        check_count("instance", instance, least=0)
-        check_count("steps", steps, least=0)
+        check_count("instance", instance, minimum=0)
+        check_count("steps", steps, minimum=0)
         return self._native.disturbance(instance, steps)
 
     def get_state(self) -> dict[str, NDArray[np.float64]]:

@@ -51,7 +51,7 @@ GROUPS: dict[str, Mapping[str, Any]] = {
 }
 #: Options of the batch, not of the task.
 BATCH_OPTIONS = ("integrator", "dtype", "threads", "error_estimate")
-#: Greatest count of the native module.
+#: Maximum count of the native module.
 _MOST = 2**31 - 1
 
 
@@ -79,7 +79,7 @@ class TaskOptions:
     dtype : {"float64", "float32"}
         Number type of the physics.
     max_current : float
-        Greatest speed of the drawn steady current, m/s, >= 0; used where `disturbance` is None. The scene's own current
+        Maximum speed of the drawn steady current, m/s, >= 0; used where `disturbance` is None. The scene's own current
         is added.
     start_distance : float
         Maximum initial position error, m, in [0, 10).
@@ -97,7 +97,7 @@ class TaskOptions:
         another share; or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it
         follows, so that a floating body still floats) and `payload` (kg). `False` removes the randomization of the
         disturbance. Any other number of the scene by its key, as `"arm.links[0].joint.friction.viscous"`: a share of
-        the scene's value either way, `[least, greatest]`, or two lists of these for a list; drawn uniformly.
+        the scene's value either way, `[minimum, maximum]`, or two lists of these for a list; drawn uniformly.
         References, observations and rewards are those of the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], in place of the scene's.
@@ -109,18 +109,18 @@ class TaskOptions:
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.
     residual_scale : float
-        Greatest correction of `action="residual"`, relative to the actuators' limits, in [0, 1].
+        Maximum correction of `action="residual"`, relative to the actuators' limits, in [0, 1].
     privileged : bool
         Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
         `env.unwrapped.privileged_layout` describes the entries.
     error_estimate : bool or None
         True: estimate the errors of integration since the start of the episode and add them to
         `info["error_estimate"]`, (6,): of position (m), attitude (rad), the worst joint (rad or m), position (m) and
-        attitude (rad) of the end effector, and the greatest relative to the motion; see `Simulator.error_estimate`. Not
+        attitude (rad) of the end effector, and the maximum relative to the motion; see `Simulator.error_estimate`. Not
         in `final_info`. Steps take up to 3.3 times as long, 5.5 times in float32. None: watch few instances for
         warnings, as `Simulator` does; False: watch none.
     threads : int or None
-        Greatest number of threads, >= 1; None: all. One instance never uses more than one.
+        Maximum number of threads, >= 1; None: all. One instance never uses more than one.
     """
 
     #: Name of the task.
@@ -221,7 +221,7 @@ def native(
         options = options_by_task(options)
     check_count("num_envs", num_envs)
     if max_episode_steps is not None:
-        check_count("max_episode_steps", max_episode_steps, least=0)
+        check_count("max_episode_steps", max_episode_steps, minimum=0)
     given = {name: value for name, value in options.to_dict().items() if value is not None}
     given.pop("scene", None)
     batch = {name: given.pop(name) for name in BATCH_OPTIONS if name in given}
@@ -257,7 +257,7 @@ def _check_group(name: str, given: Any) -> None:
             kind = "reward weight" if name == "reward" else f"entry of {name}"
             raise ValueError(f"unknown {kind} {key!r}; known: {', '.join(known)}")
         if known[key] is int:
-            check_count(f"{name}[{key!r}]", value, least=0)
+            check_count(f"{name}[{key!r}]", value, minimum=0)
         else:
             _check_number(f"{name}[{key!r}]", value)
 
@@ -271,14 +271,14 @@ def _check_number(name: str, value: Any) -> None:
         raise ValueError(f"{name} is an integer of {value.bit_length()} bits, which is too large") from None
 
 
-def check_count(name: str, value: Any, least: int = 1) -> None:
-    """Refuse anything but an integer from `least` to 2**31 - 1."""
+def check_count(name: str, value: Any, minimum: int = 1) -> None:
+    """Refuse anything but an integer from `minimum` to 2**31 - 1."""
     try:
         count = operator.index(value)
     except TypeError:
         raise TypeError(f"{name} is {value!r}, but must be an integer") from None
-    if count < least:
-        raise ValueError(f"{name} is {count}, but must be at least {least}")
+    if count < minimum:
+        raise ValueError(f"{name} is {count}, but must be at least {minimum}")
     if count > _MOST:
         raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
 

@@ -34,8 +34,8 @@ from uvms_gym.studies.records import circumstances
 
 FILES = ("accuracy.json", "accuracy.png", "drift.png")
 EPISODES, MOST_EPISODES, MOST_TIME = 64, 10_000, 1000.0
-#: Least step, s: the reference is much finer; range of tolerances that double precision allows.
-LEAST_STEP, LEAST_TOLERANCE, MOST_TOLERANCE = 5e-4, 1e-11, 0.1
+#: Minimum step, s: the reference is much finer; range of tolerances that double precision allows.
+MIN_STEP, MIN_TOLERANCE, MOST_TOLERANCE = 5e-4, 1e-11, 0.1
 #: Episodes, time, repeats, steps and tolerances of --quick.
 QUICK_EPISODES, QUICK_TIME, QUICK_REPEATS = 16, 2.0, 3
 QUICK_STEPS, QUICK_TOLERANCES = (0.005, 0.01, 0.02, 0.05), (1e-4, 1e-6, 1e-8)
@@ -99,11 +99,11 @@ def accuracy(
         if name not in known:
             raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
     for h in step or ():
-        check_range("--step", h, LEAST_STEP, PERIOD)
+        check_range("--step", h, MIN_STEP, PERIOD)
         if not _divides(h, PERIOD):
             raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
     for bound in tolerance or ():
-        check_range("--tolerance", bound, LEAST_TOLERANCE, MOST_TOLERANCE)
+        check_range("--tolerance", bound, MIN_TOLERANCE, MOST_TOLERANCE)
     seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
     check_range("--time", seconds, PERIOD, MOST_TIME)
     if not _divides(PERIOD, seconds):
@@ -218,8 +218,8 @@ def _print_summary(results: dict[str, Any]) -> None:
     table("Recommended steps", header, lines, text_columns=2)
     most = ", ".join(f"{bound:g} m in {precision}" for precision, bound in work_precision.RECOMMENDED.items())
     say(
-        f"The recommended step is the greatest of MK4 with a median error at the end effector below {most}, at least "
-        f"{STABILITY_MARGIN:g} times smaller than the greatest stable step, without diverged instances and without "
+        f"The recommended step is the maximum of MK4 with a median error at the end effector below {most}, at least "
+        f"{STABILITY_MARGIN:g} times smaller than the maximum stable step, without diverged instances and without "
         "warnings. CPU: microseconds of one thread per simulated second and instance."
     )
     for name, result in results.items():

@@ -25,7 +25,7 @@ SCENES, PEER_SCENES = (
     ("petasus-pum", "bluerov2-heavy-alpha5"),
 )
 INSTANCES, QUICK_INSTANCES = (1, 64, 1024, 16384), (1, 1024)
-#: Instances of sections with a single number of them, if among those of the run; else the greatest.
+#: Instances of sections with a single number of them, if among those of the run; else the maximum.
 MANY = 1024
 SUBSTEPS, QUICK_SUBSTEPS = (1, 10), (10,)
 DTYPES = ("float64", "float32")

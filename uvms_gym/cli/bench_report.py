@@ -65,10 +65,10 @@ def _print_physics(found: Sequence[dict[str, Any]], integrator: str) -> None:
     for row in found:
         if not row["varied"]:
             counts = (row[name] for name in ("instruction_set", "threads", "n", "substeps"))
-            times = (spread(row["seconds"], NS), f"{NS * row['seconds']['least']:.0f}")
+            times = (spread(row["seconds"], NS), f"{NS * row['seconds']['minimum']:.0f}")
             rows.append((*_kind(row), *counts, *times, f"{1e-6 * row['steps_per_second']:.3f}", row["bytes"]))
     name = integrator.upper() if integrator.startswith("mk") else integrator
-    header = ("scene", "", "instructions", "threads", "n", "substeps", "ns", "least", "M steps/s", "bytes")
+    header = ("scene", "", "instructions", "threads", "n", "substeps", "ns", "minimum", "M steps/s", "bytes")
     table(f"{name}: ns per step and instance, bytes per instance", header, rows, text_columns=3)
 
 
@@ -111,9 +111,9 @@ def _print_peers(found: dict[str, Any]) -> None:
         for name, seconds in step["seconds"].items():
             ratios = (step["ratios"][dtype].get(name) for dtype in SHORT)
             cells = ("" if ratio is None else spread(ratio, 1.0, 1) for ratio in ratios)
-            rows.append([name, spread(seconds, NS), f"{NS * seconds['least']:.0f}", *cells])
+            rows.append([name, spread(seconds, NS), f"{NS * seconds['minimum']:.0f}", *cells])
         title = f"{scene}: ns per step and instance, one thread ({names})"
-        table(title, ("program", "ns", "least", "times ours, f64", "times ours, f32"), rows)
+        table(title, ("program", "ns", "minimum", "times ours, f64", "times ours, f32"), rows)
         say(
             f"Ours: MK4, {step['n']} instances, {step['substeps']} substeps per call, {step['instruction_set']}. "
             f"{ABA}: the dynamics of four states. Without water the accelerations of MuJoCo's model differ from ours "
@@ -166,7 +166,7 @@ def _print_derivatives(scene: str, found: dict[str, Any]) -> None:
     table(title, ("program", "of", "water", "us", "times ours"), rows, text_columns=3)
     errors = ", ".join(f"{error:.0e} {name}" for name, error in found["errors"].items())
     say(
-        f"{derivatives.SCOPE} Errors of MuJoCo's, over the greatest derivative of a column: {errors}. Of Pinocchio's, "
+        f"{derivatives.SCOPE} Errors of MuJoCo's, over the maximum derivative of a column: {errors}. Of Pinocchio's, "
         f"{spread(found['call'], US, 1)} us of the call from Python are subtracted, as those of aba take."
     )
 

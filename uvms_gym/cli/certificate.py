@@ -17,8 +17,8 @@ from uvms_gym.studies.records import circumstances
 
 FILES = ("certificate.json", "certificate.png")
 EPISODES, MOST_EPISODES = 64, 10_000
-#: Least step, s: the reference is finer.
-LEAST_STEP = 5e-4
+#: Minimum step, s: the reference is finer.
+MIN_STEP = 5e-4
 #: Short names of the limited quantities.
 HEADER = ("position", "attitude", "joints", "end eff.", "obs.", "reward")
 
@@ -54,7 +54,7 @@ def certify(
             if name not in known:
                 raise fail(f"unknown {option} {name!r}; known: {', '.join(known)}")
     for step in chosen["step"]:
-        check_range("--dt", step, LEAST_STEP, 1.0)
+        check_range("--dt", step, MIN_STEP, 1.0)
     count = EPISODES if count is None else count
     check_range("--episodes", count, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
@@ -157,7 +157,7 @@ def _print_notes(results: dict[str, Any]) -> None:
     any_result = next(iter(results.values()))
     say(
         f"Limits: {limits}. Certified: {SHARE * 100:g} % of the episodes of every drive within all of them, a step at "
-        f"least {STABILITY_MARGIN:g} times smaller than the greatest stable one, no step warning. Noise: standard "
+        f"minimum {STABILITY_MARGIN:g} times smaller than the maximum stable one, no step warning. Noise: standard "
         f"deviation of the sensor noise, in the worst entry, in {SHARE * 100:g} % of the steps. Spread: standard "
         "deviation of the sum of rewards between episodes; return: its error itself. Reference: "
         f"{any_result['reference'].title} under the same actions; its uncertainty is the difference from "

@@ -166,7 +166,7 @@ def line(text: str) -> None:
     console.print(text, markup=False, soft_wrap=True)
 
 
-def check_range(option: str, value: float, least: float, most: float) -> None:
+def check_range(option: str, value: float, minimum: float, most: float) -> None:
     """Refuse a number out of range, and NaN.
 
     Raises
@@ -174,8 +174,8 @@ def check_range(option: str, value: float, least: float, most: float) -> None:
     TyperException
         The message names option, value and range.
     """
-    if not least <= value <= most:
-        allowed = f"{least:g} to {most:.15g}" if most < math.inf else f"at least {least:g}"
+    if not minimum <= value <= most:
+        allowed = f"{minimum:g} to {most:.15g}" if most < math.inf else f"at least {minimum:g}"
         raise fail(f"{option} is {value}, but must be {allowed}")
 
 

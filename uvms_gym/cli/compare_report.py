@@ -133,9 +133,11 @@ def print_across(group: str, results: Results) -> None:
                 row.append(comparison.missing.get(name, "-"))
         rows.append(row)
     table(
-        f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* least)", ("", *short_names(names).values()), rows
+        f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* minimum)",
+        ("", *short_names(names).values()),
+        rows,
     )
-    header = ("", "condition", "least", "second", "margin", "best learned against best classical")
+    header = ("", "condition", "minimum", "second", "margin", "best learned against best classical")
     table("Winners and margins", header, [_verdict(*result) for result in results], text_columns=4)
     print_files(names)
 
@@ -153,7 +155,7 @@ def _verdict(comparison: Comparison, summary: Summary) -> list[str]:
 
 
 def best(summary: Summary) -> tuple[str | None, str | None]:
-    """Learned and classical controller with the least error, or None."""
+    """Learned and classical controller with the minimum error, or None."""
     rivals = [name for name in summary.controllers if not is_bound(name)]
     names = sorted(rivals, key=lambda name: _headline(summary, name).value)
     learned = next((name for name in names if is_learned(name)), None)

@@ -126,7 +126,7 @@ class Overlay:
 
 
 def nice_step(most: float, parts: int = 3) -> float:
-    """Least step of 1, 2 or 5 times a power of ten with at most `parts` steps up to `most`."""
-    least = max(most, 1e-6) / parts
-    power: float = 10.0 ** math.floor(math.log10(least))
-    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1.0 - 1e-9))
+    """Minimum step of 1, 2 or 5 times a power of ten with at most `parts` steps up to `most`."""
+    minimum = max(most, 1e-6) / parts
+    power: float = 10.0 ** math.floor(math.log10(minimum))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= minimum * (1.0 - 1e-9))

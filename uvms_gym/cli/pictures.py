@@ -8,7 +8,7 @@ from uvms_gym.cli.common import check_range, fail
 #: Default sizes and rates, 1/s, of videos and of animations, and bounds.
 SIZE, GIF_SIZE = "960x720", "640x480"
 RATE, GIF_RATE = 30.0, 20.0
-LEAST_SIZE, MOST_SIZE, MOST_RATE = "160x120", "3840x2160", 60.0
+MIN_SIZE, MOST_SIZE, MOST_RATE = "160x120", "3840x2160", 60.0
 #: Azimuth and elevation, degrees, and distance, m.
 _CAMERA = (("azimuth", 360.0, 1.0), ("elevation", 85.0, 1.0))
 _MOST_DISTANCE = 1000.0
@@ -49,14 +49,14 @@ def read_settings(size: str | None, fps: float | None, camera: str | None, suffi
 
 
 def _size(text: str) -> tuple[int, int]:
-    least, most = (tuple(map(int, bound.split("x"))) for bound in (LEAST_SIZE, MOST_SIZE))
+    minimum, most = (tuple(map(int, bound.split("x"))) for bound in (MIN_SIZE, MOST_SIZE))
     try:
         width, height = map(int, text.split("x"))
     except ValueError:
         raise fail(f"--size is {text!r}, but must be WIDTHxHEIGHT, such as {SIZE}") from None
-    fits = all(low <= x <= high for low, x, high in zip(least, (width, height), most, strict=True))
+    fits = all(low <= x <= high for low, x, high in zip(minimum, (width, height), most, strict=True))
     if not fits or width % 2 or height % 2:
-        raise fail(f"--size is {text!r}, but must be even numbers, {LEAST_SIZE} to {MOST_SIZE}")
+        raise fail(f"--size is {text!r}, but must be even numbers, {MIN_SIZE} to {MOST_SIZE}")
     return width, height
 
 

@@ -25,13 +25,13 @@ from uvms_gym.cli.common import (
     user_errors,
 )
 from uvms_gym.cli.episode_plot import Instant, plot_episode
-from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, LEAST_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
+from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
 from uvms_gym.cli.web import serve
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison.own import PREFIX, make_controller
 from uvms_gym.viewer.curves import error_curves
 
-#: Greatest duration, s.
+#: Maximum duration, s.
 MOST_SECONDS = 3600.0
 #: Optional modules: package and extra of each.
 NEEDS = {
@@ -71,7 +71,7 @@ def play(
         str | None,
         Option(
             metavar="WIDTHxHEIGHT",
-            help=f"Size of pictures, even numbers of pixels, {LEAST_SIZE} to {MOST_SIZE}. "
+            help=f"Size of pictures, even numbers of pixels, {MIN_SIZE} to {MOST_SIZE}. "
             f"[default: {SIZE}, of animations {GIF_SIZE}]",
         ),
     ] = None,

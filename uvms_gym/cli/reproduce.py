@@ -109,7 +109,7 @@ def _print_momentum(data: dict[str, Any]) -> None:
     rows = [(name, f"{run['step']:g}", f"{run['linear']:.1e}", f"{run['angular']:.1e}") for name, run in runs]
     orders = {name: study["orders"] for name, study in data.items()}
     rows += [(name, "order", f"{found['linear']:.2f}", f"{found['angular']:.2f}") for name, found in orders.items()]
-    table("Momentum: greatest drift in 100 s over the sum of |momentum|", ("system", "h s", "linear", "angular"), rows)
+    table("Momentum: maximum drift in 100 s over the sum of |momentum|", ("system", "h s", "linear", "angular"), rows)
     peaks = [rate for _, run in runs for rate in run["joint_rate_max"]]
     say(
         "PETASUS-PUM (11 DoF) without gravity, damping, joint friction and limits; each joint reaches "
@@ -130,7 +130,7 @@ def _print_arm_motion(data: dict[str, Any]) -> None:
             found = (scale * data["numbers"][case][f"{key}_{what}"] for what in ("max", "rms", "final"))
             rows.append((quantity, case, *(f"{number:.2f}" for number in found)))
     title = "Figs. 5, 6 and 7: joint 2 moves 45 deg and back in 50 s, still water, h = 0.01 s"
-    table(title, ("quantity", "vehicle", "greatest", "RMS", "at 50 s"), rows, text_columns=2)
+    table(title, ("quantity", "vehicle", "maximum", "RMS", "at 50 s"), rows, text_columns=2)
     free, held = (data["numbers"][case] for case in arm_motion.CASES[:2])
     times = {key: free[f"{key}_max"] / held[f"{key}_max"] for key in quantities}
     say(

@@ -150,9 +150,9 @@ def _shape(kind: str, text: str) -> dict[str, Any]:
     axis = last.strip() if last.strip() in ("x", "y", "z") else None
     numbers = _numbers(option, given if axis else dimensions)
     is_round = kind in ("cylinder", "capsule")
-    least = 2 if is_round else 3
-    if len(numbers) != least or (axis and not is_round):
-        raise fail(f'{option} "{text}" needs {least} dimensions')
+    minimum = 2 if is_round else 3
+    if len(numbers) != minimum or (axis and not is_round):
+        raise fail(f'{option} "{text}" needs {minimum} dimensions')
     size: Any = {"radius": numbers[0], "length": numbers[1], "axis": axis or "x"} if is_round else numbers
     shape: dict[str, Any] = {kind: size}
     if at:

@@ -21,7 +21,7 @@ Speed = Annotated[
     ),
 ]
 
-#: Greatest expected speed, m/s and rad/s.
+#: Maximum expected speed, m/s and rad/s.
 MOST_SPEED = 1000.0
 #: Number of modes in tables.
 SHOWN = 8
@@ -65,7 +65,7 @@ def show(scene: Scene, json_file: Json = None) -> None:
             (name, f"{low:g}", f"{high:g}")
             for name, (low, high) in zip(simulator.thruster_names, simulator.thruster_limits, strict=True)
         ]
-        table("Thrusters", ("thruster", "least N", "greatest N"), rows)
+        table("Thrusters", ("thruster", "minimum N", "maximum N"), rows)
     _show_rates(simulator, None)
     provenance = loaded.get("provenance", {})
     table("Provenance", ("key", "source"), sorted(provenance.items()), text_columns=2)
@@ -94,11 +94,11 @@ def check(
     found = uvms_gym.lint_scene(loaded)
     balance = _balance(simulator)
     steps = simulator.stable_steps(speed)
-    greatest = steps[DEFAULT[0]]
-    if greatest < DEFAULT[1]:
-        what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the greatest stable one is {greatest:.2g} s"
+    maximum = steps[DEFAULT[0]]
+    if maximum < DEFAULT[1]:
+        what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the maximum stable one is {maximum:.2g} s"
         found.append(f"{_fastest(simulator, speed)}: {what}")
-    step = next((step for step in STEPS if 1.5 * step <= greatest), None)
+    step = next((step for step in STEPS if 1.5 * step <= maximum), None)
     console.print(f"{loaded['name']}: no fault found", markup=False)
     for warning in found:
         console.print(f"warning: {warning}", markup=False)
@@ -177,7 +177,7 @@ def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[lis
         if any(mode["rate"].real > 0.0 for mode in modes[:SHOWN]):
             say("A positive rate is unstable: the motion grows without control, as by the Munk moment in a flow.")
     rows = [(name, *(_step(step[name]) for step in steps.values())) for name in steps["servos off"]]
-    table("Greatest stable step, s", ("integrator", *choices), rows)
+    table("Maximum stable step, s", ("integrator", *choices), rows)
     return modes, steps
 
 

@@ -55,7 +55,7 @@ def train(
         str | None, Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
     ] = None,
     residual: Annotated[
-        float | None, Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. [default: 0.3]")
+        float | None, Option(metavar="LIMIT", help="Maximum correction with --base, 0 to 1. [default: 0.3]")
     ] = None,
     teacher: Annotated[
         str | None,
@@ -131,9 +131,9 @@ def train(
         "--eval-episodes": (eval_episodes, 2, MOST_EPISODES),
         "--num-threads": (num_threads, -1, MOST_THREADS),
     }
-    for option, (number, least, most) in ranges.items():
+    for option, (number, minimum, most) in ranges.items():
         if number is not None:
-            check_range(option, number, least, most)
+            check_range(option, number, minimum, most)
     if num_threads == 0:
         raise fail("--num-threads is 0, but must be at least 1, or -1 for all")
     if trained_agent is not None:

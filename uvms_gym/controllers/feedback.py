@@ -110,9 +110,9 @@ class DockPD(ClassicalController):
         Without `env`: arguments of `DockEnv`, of which `scene` and `action` matter. Errors as in `PD`; another task is
         a `ValueError`.
     approach_speed : float or None
-        Greatest speed of approach, m/s. 0.5 by default.
+        Maximum speed of approach, m/s. 0.5 by default.
     turn_speed : float or None
-        Greatest angular speed of approach, rad/s. 0.3 by default.
+        Maximum angular speed of approach, rad/s. 0.3 by default.
     """
 
     kind = "dock-pd"

@@ -211,7 +211,7 @@ class Residual(Controller):
     correction : MLP
         Residual policy (`residual=True`): it reads d + a entries and gives a.
     limit : float
-        Greatest correction of an entry of the action, in [0, 1].
+        Maximum correction of an entry of the action, in [0, 1].
 
     Raises
     ------

@@ -114,7 +114,7 @@ class AdaptiveDOB(MultipleModel):
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
         Meaning as in `DOB`, for all models.
     delay : int or None
-        Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
+        Maximum delay of the bank, control periods, 0 to 10. By default the maximum of the environment's sensors.
     delay_schedule : array_like (2,) or None
         Decrease of `kp` and `kd` with the delay, 1/s. 3 and 1 by default.
     thrust_factors : array_like (3,) or None
@@ -157,7 +157,7 @@ class ComputedTorque(ModelBased):
 class MPC(ModelBased):
     """Linear model-predictive control, with the observer of `DOB`.
 
-    It plans the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, at the least cost within the
+    It plans the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, at minimum cost within the
     thrusters' limits: squares of pose errors (1 rad as 0.5 m), of velocities, of the wrench beyond the compensation of
     disturbances (over its limits) and of its changes; beyond the plan, the cost of linear feedback. The model is
     linear: nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance keep their
@@ -295,7 +295,7 @@ class AdaptiveResolvedMotion(MultipleModel):
     over `1 + a[1] tau`, with `a` for `delay_schedule`. Weights are equal until all models have predicted a measurement.
 
     All models take the mass matrix, the Jacobian and the bias force along the likeliest model's prediction, and models
-    with a weight below a thousandth of the greatest do not count: a control period costs about two of `ResolvedMotion`.
+    with a weight below a thousandth of the maximum do not count: a control period costs about two of `ResolvedMotion`.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ class AdaptiveResolvedMotion(MultipleModel):
     observer_bandwidth : array_like (3,) or None
         Meaning as in `ResolvedMotion`; (4, 4, 8) by default.
     delay : int or None
-        Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
+        Maximum delay of the bank, control periods, 0 to 10. By default the maximum of the environment's sensors.
     delay_schedule : array_like (2,) or None
         Decrease of gains with the delay, 1/s. 0 by default.
     thrust_factors : array_like (3,) or None

@@ -376,11 +376,11 @@ def _warn_of_delay(
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (least, most) = _design(env, arguments)[0], made.delays
-    if bridged == least == most or (most <= high and (least >= low or name in CLASSICAL)):
+    (low, high), (minimum, most) = _design(env, arguments)[0], made.delays
+    if bridged == minimum == most or (most <= high and (minimum >= low or name in CLASSICAL)):
         return False
-    defaults = name in CLASSICAL and least == most
-    designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (least, most)))
+    defaults = name in CLASSICAL and minimum == most
+    designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (minimum, most)))
     warnings.warn(
         f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; here they are "
         f"{found}: {'default gains take the place of tuned ones' if defaults else 'it may be unstable'}",

@@ -16,13 +16,13 @@ class DockOptions(TaskOptions, task="dock"):
     Attributes
     ----------
     start_clearance : float
-        Least initial distance from the dock, m, in [0, start_distance]; `start_distance` is the greatest.
+        Minimum initial distance from the dock, m, in [0, start_distance]; `start_distance` is the maximum.
     approach_cone : float
         Half angle of the cone in front of the dock that starts are drawn from, rad, in [0, pi/2].
     arm : {"stowed", "moving"}
         Joints stay at home, or follow references as in station keeping.
     arm_amplitude : float
-        Greatest amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
+        Maximum amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     dock_sway : float
         Horizontal motion of the dock, relative to the water's at its place, in [0, 1].
     dock_heave : float

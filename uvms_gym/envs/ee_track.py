@@ -16,11 +16,11 @@ class EETrackOptions(TaskOptions, task="ee-track"):
     reference : {"mixed", "point", "line", "circle", "figure-eight", "spline"}
         Kind of the reference path; "mixed" draws one for each episode.
     reference_size : float
-        Greatest amplitude or radius, m, in [0, 5]; 50 to 100 % of it are drawn.
+        Maximum amplitude or radius, m, in [0, 5]; 50 to 100 % of it are drawn.
     reference_speed : float
-        Greatest speed, m/s, in [0, 2]; 50 to 100 % of it are drawn.
+        Maximum speed, m/s, in [0, 2]; 50 to 100 % of it are drawn.
     reference_rotation : float
-        Greatest amplitude of turns about the vertical, rad, in [0, 0.6]; out of the horizontal less than a third of it.
+        Maximum amplitude of turns about the vertical, rad, in [0, 0.6]; out of the horizontal less than a third of it.
     preview : dict or None
         Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
         in [0, 10] (0.2).

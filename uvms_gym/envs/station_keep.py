@@ -13,7 +13,7 @@ class StationKeepOptions(TaskOptions, task="station-keep"):
     Attributes
     ----------
     arm_amplitude : float
-        Greatest swing of the arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
+        Maximum swing of the arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     """
 
     arm_amplitude: float = 0.4
@@ -32,7 +32,7 @@ class StationKeepEnv(TaskEnv):
     A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
     clipped; an action that is not finite or has another shape is refused with a `ValueError` and changes nothing.
 
-    With `action="wrench"` (a = 6) the entries are a body wrench over its limits: the greatest wrench of the thrusters
+    With `action="wrench"` (a = 6) the entries are a body wrench over its limits: the maximum wrench of the thrusters
     along one axis alone. Thrusters are allocated by weighted least squares, and scaled down together where one
     would exceed its limit. On `petasus-pum`:
 
@@ -81,7 +81,7 @@ class StationKeepEnv(TaskEnv):
     also exists with `"-hard"`: stronger and of other shapes, to be held out for evaluation. Or the option is a dict of
     components, each a dict of parameters, `True` for its defaults or `None` to remove it; `base` names a level that the
     dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Values are drawn uniformly from
-    ranges `[least, greatest]` (or are one number) per episode or event; shares refer to the vehicle's greatest thrust
+    ranges `[minimum, maximum]` (or are one number) per episode or event; shares refer to the vehicle's maximum thrust
     along its weakest axis. `uvms disturbances` lists and plots the levels.
 
     | Component | Meaning | Parameters |

@@ -99,10 +99,10 @@ class Fit:
             for share, direction in self.uncertainty.undetermined
         ]
 
-    def strongest_correlations(self, least: float = 0.7) -> list[tuple[str, str, float]]:
-        """Pairs of keys with a correlation of magnitude `least` up, strongest first."""
+    def strongest_correlations(self, minimum: float = 0.7) -> list[tuple[str, str, float]]:
+        """Pairs of keys with a correlation of magnitude `minimum` up, strongest first."""
         C = self.uncertainty.correlations
-        pairs = [(i, j) for i in range(len(C)) for j in range(i) if abs(C[i, j]) >= least]
+        pairs = [(i, j) for i in range(len(C)) for j in range(i) if abs(C[i, j]) >= minimum]
         keys = [p.key for p in self.parameters]
         return [(keys[j], keys[i], float(C[i, j])) for i, j in sorted(pairs, key=lambda p: -abs(C[p]))]
 

@@ -31,7 +31,7 @@ class Problem(Protocol):
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Least and greatest common parameters, each (p,)."""
+        """Minimum and maximum common parameters, each (p,)."""
         ...
 
     @property

@@ -68,7 +68,7 @@ class Parameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and greatest coordinate."""
+        """Minimum and maximum coordinate."""
         reach = _REACH * self.deviation
         return self.origin - reach, self.origin + reach
 

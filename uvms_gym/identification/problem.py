@@ -35,7 +35,7 @@ _START = {
 _CURRENT = 0.1
 #: Time at the start of a trial by which its own parameters are estimated where the rest is to be predicted, s.
 WINDOW = 1.0
-#: Greatest residual, in deviations of the noise.
+#: Maximum residual, in deviations of the noise.
 _DIVERGED = 1e4
 _UNITS = np.array([factor for _, factor in CHANNELS.values()])
 

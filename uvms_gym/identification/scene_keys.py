@@ -11,7 +11,7 @@ from typing import Any
 
 #: Key of the sum of rigid and added moments of inertia.
 ROTATIONAL_INERTIA = "rotational_inertia"
-#: Greatest share of the rigid moments in the sum of rigid and added ones, where the sum limits them.
+#: Maximum share of the rigid moments in the sum of rigid and added ones, where the sum limits them.
 _RIGID_SHARE = 0.9
 
 Steps = tuple[str | int, ...]

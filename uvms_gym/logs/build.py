@@ -12,7 +12,7 @@ from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.tables import Table
 from uvms_gym.logs.units import Floats
 
-#: Greatest deviation of a logged quaternion's norm from 1.
+#: Maximum deviation of a logged quaternion's norm from 1.
 NORM_TOLERANCE = 0.01
 
 _TYPES: dict[str, type[Channel]] = {

@@ -85,7 +85,7 @@ class ChannelMap:
     gap : float
         Longest interval between samples that is interpolated, s.
     jump : float
-        Greatest angle between the attitudes of neighbouring samples, rad.
+        Maximum angle between the attitudes of neighbouring samples, rad.
     repeat_period : float
         Shortest interval between rows of equal values, s; 0: all rows remain.
     world, body : tuple of float

@@ -23,7 +23,7 @@ def hermite_cubic(start: tuple[Floats, Floats], end: tuple[Floats, Floats], leng
 
 
 def median_and_worst(values: Floats) -> dict[str, float]:
-    """Median and greatest of an ensemble (N,)."""
+    """Median and maximum of an ensemble (N,)."""
     return {"median": float(np.median(values)), "worst": float(values.max())}
 
 

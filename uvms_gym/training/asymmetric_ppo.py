@@ -12,7 +12,7 @@ from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.run import Settings
 
-#: Bounds on the actor's learning rate, factor of its adaptation, and greatest norm of gradients.
+#: Bounds on the actor's learning rate, factor of its adaptation, and maximum norm of gradients.
 RATES, ADAPTATION, NORM = (1e-5, 3e-3), 1.5, 0.5
 #: Epochs of the critic in the first iteration.
 FIRST_EPOCHS = 10

@@ -23,11 +23,11 @@ from uvms_gym.training.tracking_gradient import EndEffectorTracking
 
 Floats = NDArray[np.float64]
 
-#: Greatest gradient of an episode's window over the median: near divergence gradients grow without bound.
+#: Maximum gradient of an episode's window over the median: near divergence gradients grow without bound.
 OUTLYING = 3.0
 #: Tasks with derivatives.
 TASKS: dict[str, type[TaskGradient]] = {"station-keep": StationKeeping, "ee-track": EndEffectorTracking}
-#: Greatest step of the simulator, s, by a linearly implicit method.
+#: Maximum step of the simulator, s, by a linearly implicit method.
 STEP = 0.1
 
 
@@ -161,15 +161,15 @@ class ReturnGradient:
 
     def ages(self, episodes: Episodes) -> Tensor:
         """Ages of measurements (n,), control periods: those at which perfect observations come closest to them."""
-        (least, most), steps = self.task.ages, episodes.alive.shape[1]
+        (minimum, most), steps = self.task.ages, episodes.alive.shape[1]
         width, first = len(self.task.scale), min(most, steps - 1)
         seen = episodes.observations[:, episodes.history - 1 + first :, :width]
         alive, distances = episodes.alive[:, first:, None], []
-        for age in range(least, most + 1):
+        for age in range(minimum, most + 1):
             past = max(first - age, 0)
             apart = (seen - episodes.perfect[:, past : past + seen.shape[1], :width]) * alive
             distances.append(apart.square().sum(dim=(1, 2)))
-        return least + torch.stack(distances).argmin(dim=0)
+        return minimum + torch.stack(distances).argmin(dim=0)
 
 
 def forward(actor: Actor, inputs: Tensor) -> tuple[Tensor, Callable[[int, Tensor], Tensor]]:

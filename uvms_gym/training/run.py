@@ -50,7 +50,7 @@ class Settings:
     base: str | None = None
     """Name of a corrected controller; algorithm `ppo` alone."""
     limit: float = 0.3
-    """Greatest correction."""
+    """Maximum correction."""
     eval_freq: int = 0
     """Steps between evaluations; not positive: only at the end."""
     eval_episodes: int = 512

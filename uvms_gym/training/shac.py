@@ -12,7 +12,7 @@ from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
 from uvms_gym.training.run import Settings
 
-#: Bounds on the actor's learning rate, those of its factor in an iteration, and greatest norm of gradients.
+#: Bounds on the actor's learning rate, those of its factor in an iteration, and maximum norm of gradients.
 RATES, FACTORS, NORM = (1e-5, 5e-3), (0.8, 1.25), 1.0
 #: Time steps at which the change of the actor is measured.
 PROBES = 1024

@@ -56,7 +56,7 @@ class TaskGradient(ABC):
         native = envs._native
         sim = envs.snapshot()
         self.joints, self.period = sim.num_joints, native.control_period
-        #: Least and greatest age of measurements, control periods.
+        #: Minimum and maximum age of measurements, control periods.
         self.ages = native.delays
         self.parts = {block.name: slice(block.offset, block.offset + block.length) for block in envs.layout}
         self.scales = np.concatenate([block.scale for block in envs.layout])
@@ -74,9 +74,9 @@ class TaskGradient(ABC):
         #: Torques of an action of 1, N m or N.
         self.torques = scales[6:]
         most = np.abs(self.limits).max(axis=1)
-        #: Greatest forces (f,).
+        #: Maximum forces (f,).
         self.range = np.concatenate([most, self.torques])
-        #: Thrusts (m, 6) of actions within the limits: those of least norm over their ranges, N.
+        #: Thrusts (m, 6) of actions within the limits: those of minimum norm over their ranges, N.
         self.demand = most[:, None] * np.linalg.pinv(sim.thruster_configuration * most) * scales[:6]
         sim.reset()
         self.home = sim.q[0]

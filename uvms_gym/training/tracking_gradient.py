@@ -27,7 +27,7 @@ class EndEffectorTracking(TaskGradient):
     def states(self, perfect: Floats) -> dict[str, Floats]:
         """Arguments of `Simulator.set_state`: anywhere, and in any heading, as neither matters in still water."""
         x, y, z = np.moveaxis(perfect[..., 12:15], -1, 0)
-        # Rotation of least angle that turns the observed direction against gravity into z; none points straight down.
+        # Rotation of minimum angle that turns the observed direction against gravity into z; none points straight down.
         quaternion = np.stack([1.0 + z, y, -x, np.zeros_like(z)], axis=-1)
         quaternion /= np.maximum(np.linalg.norm(quaternion, axis=-1, keepdims=True), 1e-9)
         return {**super().states(perfect), "quaternion": quaternion}

@@ -25,7 +25,7 @@ class StaggeredStart(VecEnvWrapper):
     steps : int
         Steps of an episode.
     groups : int
-        Greatest number of different times.
+        Maximum number of different times.
     """
 
     def __init__(self, venv: VecEnv, steps: int, groups: int = 8) -> None:
@@ -64,7 +64,7 @@ class ResidualVecEnv(VecEnvWrapper):
     base : uvms_gym.controllers.Controller
         Corrected controller.
     limit : float
-        Greatest correction of an entry of the action, in [0, 1].
+        Maximum correction of an entry of the action, in [0, 1].
 
     Raises
     ------

@@ -15,7 +15,7 @@ import websockets.asyncio.server as sockets
 _NAMES = ("127.0.0.1", "localhost")
 #: Bytes of the longest message, and characters of the longest text.
 _LONGEST_MESSAGE, _LONGEST_TEXT = 4096, 32
-#: Least time between two notices of refused messages, s.
+#: Minimum time between two notices of refused messages, s.
 _PAUSE = 1.0
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]

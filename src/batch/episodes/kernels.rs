@@ -11,9 +11,9 @@ use crate::system::{Factors, JOINTS};
 use crate::task::disturbance::Forcing;
 use crate::task::{Command, Evaluation, METRICS, PREVIEW, StageState, TaskDefinition, TaskKernel};
 
-/// Greatest number of lanes.
+/// Maximum number of lanes.
 const WIDEST: usize = 16;
-/// Greatest number of entries of an observation.
+/// Maximum number of entries of an observation.
 const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 
 /// Blocks of instances, and their episodes' numbers.

@@ -21,13 +21,13 @@ use crate::system::{Compiled, JOINTS, Joints, State};
 
 /// Configurations of the arm besides home.
 const SPREAD: usize = 8;
-/// Greatest expected speed of a vehicle, m/s and rad/s.
+/// Maximum expected speed of a vehicle, m/s and rad/s.
 const FASTEST: f64 = 5.0;
 /// Expected speed of a joint without a speed limit: revolute rad/s, prismatic m/s.
 const JOINT_SPEED: [f64; 2] = [1.0, 0.25];
 /// Range of a joint without limits, to either side: revolute rad, prismatic m.
 const JOINT_RANGE: [f64; 2] = [std::f64::consts::PI, 0.5];
-/// Least share of a mode's energy of a coordinate that is named besides the greatest.
+/// Minimum share of a mode's energy of a coordinate that is named besides the maximum.
 const NAMED: f64 = 0.3;
 /// Rates below this are rounding, 1/s.
 const SLOW: f64 = 1e-4;
@@ -58,7 +58,7 @@ pub struct UnstableStep {
     pub dt: f64,
     /// The mode with the smallest stable step.
     pub mode: Mode,
-    /// Greatest stable step, s.
+    /// Maximum stable step, s.
     pub stable: f64,
 }
 
@@ -207,7 +207,7 @@ impl ModalAnalysis {
     /// The fastest modes, fastest first. For each coordinate, of the modes in which it has most of the energy: the fastest
     /// decaying one, the fastest growing one, and for joints the fastest one against an end stop.
     pub fn modes(&self, servos: Servos) -> Vec<Mode> {
-        // By (greatest coordinate, growing, at a stop).
+        // By (maximum coordinate, growing, at a stop).
         let mut fastest: BTreeMap<(usize, bool, bool), Fastest> = BTreeMap::new();
         for (sample, found) in self.sample_modes(servos).iter().enumerate() {
             // One of each conjugate pair.
@@ -230,9 +230,9 @@ impl ModalAnalysis {
         modes
     }
 
-    /// Greatest stable step, s, infinite where any step is stable; and the mode that limits it.
+    /// Maximum stable step, s, infinite where any step is stable; and the mode that limits it.
     pub fn stable_step(&self, stability: Stability, servos: Servos, stops: bool) -> (f64, Option<Mode>) {
-        let (mut least, mut bound) = (f64::INFINITY, None);
+        let (mut minimum, mut bound) = (f64::INFINITY, None);
         for (sample, found) in self.sample_modes(servos).iter().enumerate() {
             let Sample { stop, rest, .. } = self.samples[sample];
             if stop.is_some() && !stops {
@@ -242,9 +242,9 @@ impl ModalAnalysis {
             let lasts = rest && (servos.joints || self.joint_names.is_empty());
             let lenience = if lasts { 0.0 } else { PASSING };
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0) {
-                let step = stability.greatest_step(rate, lenience, least);
-                if step < least {
-                    (least, bound) = (step, Some((sample, rate)));
+                let step = stability.max_step(rate, lenience, minimum);
+                if step < minimum {
+                    (minimum, bound) = (step, Some((sample, rate)));
                 }
             }
         }
@@ -252,7 +252,7 @@ impl ModalAnalysis {
             let shares = self.sample_modes(servos)[sample].modes.shares(rate);
             self.mode(sample, &shares, rate)
         });
-        (least, mode)
+        (minimum, mode)
     }
 }
 

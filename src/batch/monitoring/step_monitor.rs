@@ -164,7 +164,7 @@ pub struct InaccurateStep {
     pub single: bool,
     /// Step, s.
     pub dt: f64,
-    /// Greatest `h |lambda|` at which the integrator is accurate.
+    /// Maximum `h |lambda|` at which the integrator is accurate.
     pub range: f64,
     /// Number of instances N.
     pub instances: usize,

@@ -1,12 +1,12 @@
 //! Quality of an instance's steps, its limits, and violations of these.
 
-/// Greatest relative velocity error of the last steps that passes without a warning.
+/// Maximum relative velocity error of the last steps that passes without a warning.
 pub const ERROR_LIMIT: f64 = 0.05;
 /// The same where companions follow all instances: their estimate of the error is better, but both may lose a fast motion alike.
 pub const FOLLOWED_ERROR_LIMIT: f64 = 0.2;
-/// Greatest estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
+/// Maximum estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
 pub const ACCUMULATED_LIMIT: f64 = 0.02;
-/// Greatest estimate of it at which the leading order of a method holds.
+/// Maximum estimate of it at which the leading order of a method holds.
 pub const KNOWN_LIMIT: f64 = 0.1;
 
 /// Maximum; NaN where either number is.
@@ -28,11 +28,11 @@ pub struct StepQuality {
 /// Limits of [`StepQuality`], and of states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QualityLimits {
-    /// Greatest [`StepQuality::stiffness`].
+    /// Maximum [`StepQuality::stiffness`].
     pub stiffness: f64,
-    /// Greatest [`StepQuality::error`].
+    /// Maximum [`StepQuality::error`].
     pub error: f64,
-    /// Greatest [`StepQuality::accumulated`].
+    /// Maximum [`StepQuality::accumulated`].
     pub accumulated: f64,
     /// True where states that are not finite are violations.
     pub finite: bool,

@@ -23,7 +23,7 @@ impl Simulator {
                 };
                 let scenes = self.scenes().map(<[_]>::to_vec);
                 let mut double = Self::of(self.scene.clone(), scenes, &self.samples, options)?;
-                // No tolerance below the least one of single precision.
+                // No tolerance below the minimum of single precision.
                 double.integrator = self.integrator.at_ratio(1.0, 1.0, Precision::Single.epsilon());
                 Box::new(double)
             }

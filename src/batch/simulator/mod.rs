@@ -51,7 +51,7 @@ pub struct Simulator {
     storage: Box<dyn Storage>,
     /// See [`Self::in_double_precision`].
     in_double: Option<Box<Self>>,
-    /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
+    /// Maximum `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
     pub(super) range: f64,
     pub(super) monitor: StepMonitor,
 }
@@ -218,7 +218,7 @@ impl Simulator {
         self.isa
     }
 
-    /// Greatest number of threads.
+    /// Maximum number of threads.
     pub fn threads(&self) -> usize {
         self.threads
     }
@@ -255,7 +255,7 @@ impl Simulator {
     }
 
     /// Relative velocity error of the last thirty steps or so of instance `i`: the sum of the velocity errors over the
-    /// greatest speed, estimated for the methods of orders 2 to 4 from the differences between a step's stages (`ros2`:
+    /// maximum speed, estimated for the methods of orders 2 to 4 from the differences between a step's stages (`ros2`:
     /// between its fine and its coarse result); or the error of spinning in ten seconds, if that is greater. One-stage
     /// methods have the error of spinning alone; adaptive ones keep to a tolerance and have 0.
     pub fn step_error(&self, i: usize) -> f64 {

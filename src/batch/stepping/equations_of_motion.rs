@@ -183,7 +183,7 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
     #[inline(always)]
     fn lost_bounce(&self, h: L, range: f64, ends: [(&[L; JOINTS], &[L; JOINTS]); 2]) -> L {
         let joints = self.system.chain();
-        let mut greatest = L::zero();
+        let mut maximum = L::zero();
         for i in 0..joints.len().min(JOINTS) {
             let mut both = [(L::zero(), L::zero()); 2];
             for k in 0..2 {
@@ -193,8 +193,8 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
                 }
             }
             let (inertia, servo_on) = (self.scratch.inertia(i), self.loads.terms > 0);
-            greatest = lost_bounce(&joints[i], (h, range), inertia, servo_on, both).max(greatest);
+            maximum = lost_bounce(&joints[i], (h, range), inertia, servo_on, both).max(maximum);
         }
-        greatest
+        maximum
     }
 }

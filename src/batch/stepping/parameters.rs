@@ -25,7 +25,7 @@ pub struct StepSettings {
     pub total: usize,
     /// Optional loads that are active.
     pub active: ActiveLoads,
-    /// Greatest number of threads.
+    /// Maximum number of threads.
     pub threads: usize,
     /// Limits of the steps' quality; none where they are not monitored.
     pub limits: Option<QualityLimits>,

@@ -3,10 +3,10 @@
 use crate::batch::monitoring::step_quality::{KNOWN_LIMIT, maximum};
 use crate::system::{JOINTS, State};
 
-/// Least scale of a motion, m, rad, m/s or rad/s: errors of smaller motions are set against this.
-const LEAST_SCALE: f64 = 1e-3;
-/// Greatest scale of rotation and joint travel, rad or m.
-const GREATEST_ANGLE: f64 = 1.0;
+/// Minimum scale of a motion, m, rad, m/s or rad/s: errors of smaller motions are set against this.
+const MIN_SCALE: f64 = 1e-3;
+/// Maximum scale of rotation and joint travel, rad or m.
+const MAX_ANGLE: f64 = 1.0;
 /// Time, s, in which the scales of a motion are still small: errors have the limit of known ones there.
 const BEGINNING: f64 = 0.3;
 
@@ -25,7 +25,7 @@ pub struct Track {
     pub own_stale: bool,
     /// State at the start.
     pub start: State,
-    /// Greatest distance (m), rotation (rad) and joint travel (rad or m) from there, and greatest speed (m/s), spin (rad/s) and
+    /// Maximum distance (m), rotation (rad) and joint travel (rad or m) from there, and maximum speed (m/s), spin (rad/s) and
     /// joint rate (rad/s or m/s).
     pub scales: [f64; 6],
     /// Estimated error relative to these.
@@ -108,12 +108,12 @@ impl Track {
             errors[2] = maximum(errors[2], (other.q[k] - state.q[k]).abs());
             errors[5] = maximum(errors[5], (other.qd[k] - state.qd[k]).abs());
         }
-        let mut greatest = 0.0;
+        let mut relative = 0.0;
         for (k, (error, scale)) in errors.into_iter().zip(self.scales).enumerate() {
-            let scale = if k == 1 || k == 2 { scale.min(GREATEST_ANGLE) } else { scale };
-            greatest = maximum(greatest, error / scale.max(LEAST_SCALE));
+            let scale = if k == 1 || k == 2 { scale.min(MAX_ANGLE) } else { scale };
+            relative = maximum(relative, error / scale.max(MIN_SCALE));
         }
-        self.relative = greatest / divisor;
+        self.relative = relative / divisor;
     }
 }
 

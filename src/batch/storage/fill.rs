@@ -8,7 +8,7 @@ use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real, transpose};
 use crate::system::JOINTS;
 
-/// Greatest number of instances in a block.
+/// Maximum number of instances in a block.
 const WIDEST: usize = 16;
 /// Numbers of a target pose: position, and rotation by rows.
 const STATION: usize = 12;

@@ -10,7 +10,7 @@ use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::{Fin, Scene};
 use crate::error::SimulatorError;
 
-/// Greatest entry of `R^T R - I` of an accepted rotation.
+/// Maximum entry of `R^T R - I` of an accepted rotation.
 const ORTHONORMAL: f64 = 1e-6;
 
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.

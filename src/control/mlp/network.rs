@@ -59,7 +59,7 @@ pub struct Normalisation {
     pub variance: Vec<f32>,
     /// Added to the variance.
     pub epsilon: f32,
-    /// Greatest magnitude of the result.
+    /// Maximum magnitude of the result.
     pub clip: f32,
 }
 
@@ -126,11 +126,11 @@ impl Network {
                 }
                 finite(tensor, values)?;
             }
-            let least = variance.iter().copied().fold(f32::INFINITY, f32::min) + epsilon;
-            if !(least > 0.0 && least.is_finite()) {
+            let minimum = variance.iter().copied().fold(f32::INFINITY, f32::min) + epsilon;
+            if !(minimum > 0.0 && minimum.is_finite()) {
                 return Err(PolicyError::Number {
                     name: "variance + epsilon",
-                    value: least,
+                    value: minimum,
                     rule: "positive and finite",
                 });
             }

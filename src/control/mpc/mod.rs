@@ -22,7 +22,7 @@ pub const PARAMETERS: usize = 42;
 pub const PLAN: usize = 6 * MOVES.len();
 
 /// Model-predictive control: the plan of the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them,
-/// of least cost within the thrusters' limits.
+/// of minimum cost within the thrusters' limits.
 ///
 /// The cost sums the squares of pose errors (1 rad as 0.5 m), of velocities, and, over its limits, of the wrench beyond
 /// the compensation of disturbances and of its changes; beyond the plan, the cost of linear feedback without limits. The
@@ -32,7 +32,7 @@ pub const PLAN: usize = 6 * MOVES.len();
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mpc {
     gains: MpcGains,
-    /// Greatest wrench along each axis alone: unit of plans.
+    /// Maximum wrench along each axis alone: unit of plans.
     pub unit: [f64; 6],
     /// Hessian of the cost: by plan, and by plan and parameters.
     hessian: DMatrix<f64>,
@@ -95,7 +95,7 @@ impl Mpc {
         Vector6::from_fn(|k, _| plan[k] * self.unit[k])
     }
 
-    /// The plan of least cost within the limits, by the cost's gradient at the zero plan.
+    /// The plan of minimum cost within the limits, by the cost's gradient at the zero plan.
     pub fn solve(&self, gradient: &DVector<f64>) -> Option<DVector<f64>> {
         let rows = self.bounds.nrows();
         let mut upper = (Vec::new(), Vec::new(), vec![0]);

@@ -12,8 +12,8 @@ use crate::system::Joints;
 pub const MOVES: [usize; 4] = [1, 2, 4, 8];
 /// Control periods of the Riccati iteration for the cost beyond the plan.
 const TAIL: usize = 200;
-/// Least weight on effort: without any the cost has no minimum.
-const LEAST_EFFORT: f64 = 1e-8;
+/// Minimum weight on effort: without any the cost has no minimum.
+const MIN_EFFORT: f64 = 1e-8;
 
 /// The linear model, and the square roots of the weights.
 pub struct LinearModel {
@@ -100,7 +100,7 @@ impl LinearModel {
             weight[(k, k)] = self.pose[k].powi(2);
             weight[(6 + k, 6 + k)] = self.velocity[k].powi(2);
             if self.unit[k] > 0.0 {
-                effort[(k, k)] = self.effort[k].powi(2).max(LEAST_EFFORT);
+                effort[(k, k)] = self.effort[k].powi(2).max(MIN_EFFORT);
             }
         }
         let mut cost = weight.clone();
@@ -133,7 +133,7 @@ impl LinearModel {
             for _ in 0..periods {
                 let WaveTransition([[a, b], _]) = WaveTransition::over(self.frequency, time + 0.5 * self.period);
                 external = steady + wave * a + rate * b;
-                let effort = self.effort.map(|root| root.max(LEAST_EFFORT.sqrt()));
+                let effort = self.effort.map(|root| root.max(MIN_EFFORT.sqrt()));
                 all.extend(effort.component_mul(&self.over_units(command + external)).iter());
                 self.step(&mut state, external, command);
                 time += self.period;

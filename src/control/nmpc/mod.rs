@@ -9,5 +9,5 @@ pub mod vehicle;
 pub use gains::NmpcGains;
 pub use tracking::TrackingNmpc;
 
-/// Weight on thrusts that cancel each other, over that of the greatest effort.
+/// Weight on thrusts that cancel each other, over that of the maximum effort.
 const CANCELLING: f64 = 1e3;

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
 
-/// Step of the cost's Riccati recursion at which it ends, over its greatest entry.
+/// Step of the cost's Riccati recursion at which it ends, over its maximum entry.
 const SETTLED: f64 = 1e-9;
-/// Greatest number of its steps.
+/// Maximum number of its steps.
 const TAIL: usize = 400;
 
 /// Discrete model of the controlled system over a plan's control periods.
@@ -55,7 +55,7 @@ pub struct Plan<'a, M> {
     pub dynamics: &'a DMatrix<f64>,
     /// z at which a knot costs nothing; the last one is of the end.
     pub targets: &'a [DVector<f64>],
-    /// Least and greatest inputs.
+    /// Minimum and maximum inputs.
     pub bounds: &'a [DVector<f64>; 2],
     /// Inputs, and the states before, between and after them.
     present: Trajectory,

@@ -19,8 +19,8 @@ use crate::limits::interrupt;
 const HORIZON: usize = 10;
 /// Weight on the pose error at a plan's end, over that of a knot.
 const END: f64 = 5.0;
-/// Least weight on effort, m2: without any the cost has no minimum.
-const LEAST_EFFORT: f64 = 1e-8;
+/// Minimum weight on effort, m2: without any the cost has no minimum.
+const MIN_EFFORT: f64 = 1e-8;
 
 /// Nonlinear model-predictive control of vehicle and arm: the plan of thrusts and joint torques over the next
 /// [`HORIZON`] control periods, improved by one real-time iteration in each.
@@ -154,7 +154,7 @@ fn roots(layout: &Layout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
     for k in 0..6 {
         row(&[(k, lever(k))]);
         row(&[(layout.velocity() + k, gains.velocity[k / 3].sqrt() * lever(k))]);
-        let (effort, change) = (gains.effort[k / 3].max(LEAST_EFFORT), gains.change[k / 3]);
+        let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
         let thrusts = |by: f64| (0..w).map(|i| (s + i, by * layout.wrench(k, i))).collect::<Vec<_>>();
         row(&thrusts(over(k, effort)));
         row(&[thrusts(over(k, change)), vec![(layout.thrust() + k, -over(k, change))]].concat());
@@ -165,9 +165,9 @@ fn roots(layout: &Layout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
     for k in 0..n {
         row(&[(9 + k, gains.posture.sqrt() * ATTITUDE_LEVER)]);
         row(&[(layout.velocity() + 6 + k, gains.velocity[2].sqrt() * ATTITUDE_LEVER)]);
-        row(&[(s + w - n + k, gains.effort[2].max(LEAST_EFFORT).sqrt())]);
+        row(&[(s + w - n + k, gains.effort[2].max(MIN_EFFORT).sqrt())]);
     }
-    let most = gains.effort.iter().chain(&gains.change).fold(LEAST_EFFORT, |a, b| a.max(*b));
+    let most = gains.effort.iter().chain(&gains.change).fold(MIN_EFFORT, |a, b| a.max(*b));
     for cancelling in layout.cancelling().row_iter() {
         let weight = (CANCELLING * most).sqrt();
         row(&cancelling.iter().enumerate().map(|(i, x)| (s + i, x * weight)).collect::<Vec<_>>());

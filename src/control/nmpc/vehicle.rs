@@ -23,8 +23,8 @@ pub const HORIZON: usize = 8;
 pub const STATES: usize = 18;
 /// Step of differences.
 const STEP: f64 = 1e-5;
-/// Least weight on effort, m2: without any the cost has no minimum.
-const LEAST_EFFORT: f64 = 1e-8;
+/// Minimum weight on effort, m2: without any the cost has no minimum.
+const MIN_EFFORT: f64 = 1e-8;
 
 /// Estimate of the present, of one instance.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,13 +92,13 @@ impl VehicleNmpc {
             let lever = if k < 3 { 1.0 } else { ATTITUDE_LEVER };
             roots[(k, k)] = root(k, 1.0) * lever;
             roots[(6 + k, 6 + k)] = root(k, gains.velocity[k / 3]) * lever;
-            let (effort, change) = (gains.effort[k / 3].max(LEAST_EFFORT), gains.change[k / 3]);
+            let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
             let row = self.wrench.row(k);
             roots.view_mut((12 + k, STATES), (1, count)).copy_from(&(row * over(k, effort)));
             roots.view_mut((18 + k, STATES), (1, count)).copy_from(&(row * over(k, change)));
             roots[(18 + k, 12 + k)] = -over(k, change);
         }
-        let most = gains.effort.iter().chain(&gains.change).fold(LEAST_EFFORT, |a, b| a.max(*b));
+        let most = gains.effort.iter().chain(&gains.change).fold(MIN_EFFORT, |a, b| a.max(*b));
         let cancelling = DMatrix::identity(count, count) - &self.inverse * &self.wrench;
         roots.view_mut((24, STATES), (count, count)).copy_from(&(cancelling * (CANCELLING * most).sqrt()));
         roots

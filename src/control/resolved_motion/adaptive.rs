@@ -10,7 +10,7 @@ use crate::error::ControlError;
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion) on a bank of models of delay and thrust.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveMotionGains {
-    /// Gains of each model's resolved motion without delay. `delay` is the greatest of the bank, which begins at 0.
+    /// Gains of each model's resolved motion without delay. `delay` is the maximum of the bank, which begins at 0.
     #[serde(flatten)]
     pub motion: ResolvedMotionGains,
     /// Decrease of `pose_gain`, and of `twist_gain` and `joint_gain`, with a model's delay tau: gains over `1 + a tau`,

@@ -11,7 +11,7 @@ use crate::description::Scene;
 use crate::dynamics::Velocities;
 use crate::lane::exp;
 
-/// Logarithm of a weight over the greatest one below which it counts as 0: that model's present is not predicted.
+/// Logarithm of a weight over the maximum below which it counts as 0: that model's present is not predicted.
 const NEGLIGIBLE: f64 = -7.0;
 
 /// Delay of measurements in control periods, and factor on the commanded wrench.
@@ -29,7 +29,7 @@ pub(in crate::control) struct Bank {
     models: Vec<Model>,
     /// Velocities of vehicle and joints.
     size: usize,
-    /// Greatest delay.
+    /// Maximum delay.
     delay: usize,
     likelihood: Likelihood<3>,
 }
@@ -38,7 +38,7 @@ pub(in crate::control) struct Bank {
 pub(in crate::control) struct Estimate {
     /// The present; of a model without weight that of an earlier time.
     pub now: TrackingState,
-    /// Weight over the greatest one.
+    /// Weight over the maximum.
     weight: f64,
     /// Measured velocities less predicted ones.
     innovation: Option<Velocities>,
@@ -78,7 +78,7 @@ impl Estimates {
 struct Memory<'a> {
     /// Logarithms of weights; none for one model.
     logs: &'a mut [f64],
-    /// Periods so far, at most one more than the greatest delay.
+    /// Periods so far, at most one more than the maximum delay.
     periods: &'a mut f64,
     /// nu-, d and the wrench of the thrusters, per model.
     states: &'a mut [f64],
@@ -276,7 +276,7 @@ impl Model {
     }
 }
 
-/// Index of the greatest of these; the first of none.
+/// Index of the maximum of these; the first of none.
 fn likeliest(logs: &[f64]) -> usize {
     (0..logs.len()).fold(0, |best, k| if logs[k] > logs[best] { k } else { best })
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::control::gains;
 use crate::error::ControlError;
 
-/// Greatest delay that is compensated, control periods.
+/// Maximum delay that is compensated, control periods.
 pub const MAX_DELAY: usize = 10;
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion).

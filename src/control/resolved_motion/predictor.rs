@@ -24,7 +24,7 @@ pub(in crate::control) struct Predictor {
     /// l1 and l2 of each velocity.
     corrections: [[f64; 2]; VELOCITIES],
     /// Bounds on disturbances.
-    greatest: Velocities,
+    maximum: Velocities,
     /// Decay of the gap between wrench and command over a period: at its end, and on average.
     lag: [f64; 2],
     lag_compensation: f64,
@@ -39,7 +39,7 @@ impl Predictor {
         });
         let limits = actions.allocation().wrench_limits();
         let most = |three: &[f64]| three.iter().copied().fold(0.0, f64::max);
-        let greatest = Velocities::from_fn(|k, _| match k {
+        let maximum = Velocities::from_fn(|k, _| match k {
             0..3 => most(&limits[..3]),
             3..6 => most(&limits[3..]),
             _ => actions.torques().get(k - 6).copied().unwrap_or(0.0),
@@ -48,7 +48,7 @@ impl Predictor {
         let mean = (0..thrusters).map(|i| scene.vehicle.lag(i)).sum::<f64>() / thrusters.max(1) as f64;
         let end = if mean > 0.0 { (-period / mean).exp() } else { 0.0 };
         let lag = [end, mean / period * (1.0 - end)];
-        Self { corrections, greatest, lag, lag_compensation: gains.lag_compensation }
+        Self { corrections, maximum, lag, lag_compensation: gains.lag_compensation }
     }
 
     /// Velocities by their prediction and the innovation.
@@ -61,7 +61,7 @@ impl Predictor {
     /// Disturbance by the innovation's effect, `(M + T D) (nu_m - nu-) / T`.
     pub fn disturb(&self, effect: &Velocities, disturbance: &mut [f64]) {
         for (k, disturbance) in disturbance.iter_mut().enumerate() {
-            let limit = self.greatest[k];
+            let limit = self.maximum[k];
             *disturbance = (*disturbance + self.corrections[k][1] * effect[k]).clamp(-limit, limit);
         }
     }

@@ -12,9 +12,9 @@ use crate::lie;
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
 
-/// Greatest speed of the water, m/s.
+/// Maximum speed of the water, m/s.
 pub(super) const FASTEST: f64 = 5.0;
-/// Greatest elevation: straight up or down, rad.
+/// Maximum elevation: straight up or down, rad.
 pub(super) const STEEPEST: f64 = std::f64::consts::FRAC_PI_2;
 
 /// A steady current, on top of the scene's own: drawn at an episode's start.
@@ -23,7 +23,7 @@ pub(super) const STEEPEST: f64 = std::f64::consts::FRAC_PI_2;
 pub struct SteadyCurrent {
     /// Speed, m/s.
     pub speed: Span,
-    /// Greatest angle against the horizontal, rad.
+    /// Maximum angle against the horizontal, rad.
     pub elevation: f64,
 }
 
@@ -120,7 +120,7 @@ pub struct Gust {
     pub duration: Span,
     /// Time from the episode's start, or the end of the gust before, to the start of the rise, s.
     pub pause: Span,
-    /// Greatest angle against the horizontal, rad.
+    /// Maximum angle against the horizontal, rad.
     pub elevation: f64,
     /// True where it reverses half-way.
     pub turns: bool,
@@ -159,7 +159,7 @@ impl Gust {
         draw: &Stream,
         context: &DisturbanceContext,
     ) {
-        let [least, longest] = self.duration.in_periods(context.period);
+        let [minimum, longest] = self.duration.in_periods(context.period);
         let [soon, late] = self.pause.in_periods(context.period);
         // At least a period; shorter times are steps.
         let rise = 1.0 / (self.rise / context.period).max(1.0);
@@ -167,16 +167,16 @@ impl Gust {
         memory.set(row + 6, f64::from(u8::from(self.turns)));
         memory.set(row + 7, 0.0);
         let Span { low, high } = self.speed;
-        memory.set_all(row + 8, [low, high, least, longest, soon, late, self.elevation]);
+        memory.set_all(row + 8, [low, high, minimum, longest, soon, late, self.elevation]);
         Self::draw(memory, row, 0.0, draw, context);
     }
 
     /// Draws the next gust, after the time `now`.
     fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, context: &DisturbanceContext) {
-        let [count, low, high, least, longest, soon, late, elevation] = memory.get_all(row + 7);
+        let [count, low, high, minimum, longest, soon, late, elevation] = memory.get_all(row + 7);
         let uniform = |k| draw.uniform((8.0 * count) as u32 + k);
         let start = now + Span::of(soon, late).at(uniform(0));
-        let end = start + Span::of(least, longest).at(uniform(1));
+        let end = start + Span::of(minimum, longest).at(uniform(1));
         let speed = Span::of(low, high).at(uniform(2));
         let velocity = context.direction([uniform(3), uniform(4)], elevation) * speed;
         memory.set_all(row, [start, end]);

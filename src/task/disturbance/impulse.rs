@@ -16,7 +16,7 @@ use crate::task::random::{Purpose, Stream};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Impulse {
-    /// Force relative to the greatest thrust along the vehicle's weakest axis.
+    /// Force relative to the maximum thrust along the vehicle's weakest axis.
     pub share: Span,
     /// Force, N; in place of the share.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -25,7 +25,7 @@ pub struct Impulse {
     pub duration: Span,
     /// Time from the episode's start, or the end of the push before, s.
     pub pause: Span,
-    /// Greatest distance of the point from the vehicle's origin over that of its thrusters (root mean square).
+    /// Maximum distance of the point from the vehicle's origin over that of its thrusters (root mean square).
     pub reach: f64,
 }
 
@@ -64,18 +64,18 @@ impl Impulse {
         context: &DisturbanceContext,
     ) {
         let Span { low, high } = self.force.unwrap_or(self.share.times(context.thrust));
-        let [least, longest] = self.duration.in_periods(context.period);
+        let [minimum, longest] = self.duration.in_periods(context.period);
         let [soon, late] = self.pause.in_periods(context.period);
         memory.set(row + 8, 0.0);
-        memory.set_all(row + 9, [low, high, least, longest, soon, late, self.reach * context.lever]);
+        memory.set_all(row + 9, [low, high, minimum, longest, soon, late, self.reach * context.lever]);
         Self::draw(memory, row, 0.0, draw);
     }
 
     fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
-        let [count, low, high, least, longest, soon, late, reach] = memory.get_all(row + 8);
+        let [count, low, high, minimum, longest, soon, late, reach] = memory.get_all(row + 8);
         let index = |k| (8.0 * count) as u32 + k;
         let start = now + Span::of(soon, late).at(draw.uniform(index(0)));
-        let end = start + Span::of(least, longest).at(draw.uniform(index(1)));
+        let end = start + Span::of(minimum, longest).at(draw.uniform(index(1)));
         let force = draw.unit_vector(index(2)) * Span::of(low, high).at(draw.uniform(index(3)));
         let point = draw.unit_vector(index(4)) * (reach * draw.uniform(index(5)));
         memory.set_all(row, [start, end]);

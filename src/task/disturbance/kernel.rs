@@ -43,15 +43,15 @@ impl<L: Lane> Forcing<L> {
         Self { velocity, acceleration, wrench: Vector6::zero(), gains: [L::c(1.0); THRUSTERS], payload: L::zero() }
     }
 
-    /// Summary for `info`: magnitude of the force (N), payload (kg), least gain of a thruster.
+    /// Summary for `info`: magnitude of the force (N), payload (kg), minimum gain of a thruster.
     #[inline(always)]
     pub fn summary(&self) -> [L; 3] {
         let force = self.wrench.linear;
-        let mut least = self.gains[0];
+        let mut minimum = self.gains[0];
         for k in 1..THRUSTERS {
-            least = self.gains[k].min(least);
+            minimum = self.gains[k].min(minimum);
         }
-        [force.dot(force).sqrt(), self.payload, least]
+        [force.dot(force).sqrt(), self.payload, minimum]
     }
 }
 

@@ -162,9 +162,9 @@ impl Disturbance {
         }
         let [had, asked] = [self, other].map(|disturbance| disturbance.delay_range(period));
         if had != asked {
-            let text = |[least, most]: [usize; 2]| match least == most {
-                true => format!("{least}"),
-                false => format!("{least} to {most}"),
+            let text = |[minimum, most]: [usize; 2]| match minimum == most {
+                true => format!("{minimum}"),
+                false => format!("{minimum} to {most}"),
             };
             let hint = match had[0] == had[1] {
                 true => format!("{{\"periods\": {}}}", had[0]),
@@ -178,7 +178,7 @@ impl Disturbance {
         Ok(())
     }
 
-    /// Least and greatest age of the measurements, control periods.
+    /// Minimum and maximum age of the measurements, control periods.
     pub fn delay_range(&self, period: f64) -> [usize; 2] {
         self.delay.as_ref().map_or([0; 2], |delay| delay.range(period))
     }

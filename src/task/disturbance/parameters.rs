@@ -70,7 +70,7 @@ impl TryFrom<Given> for Parameters {
                     SceneRange::Number([low, high]) => Span::of(low, high),
                     SceneRange::List(_) => {
                         return Err(format!(
-                            "`{name}` must be a share either way, or a list of two, [least, greatest]"
+                            "`{name}` must be a share either way, or a list of two, [minimum, maximum]"
                         ));
                     }
                 };
@@ -123,14 +123,14 @@ impl Parameters {
 
     pub(super) fn check(&self) -> Result<(), TaskError> {
         for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
-            let (least, most) = match name {
+            let (minimum, most) = match name {
                 PAYLOAD => (0.0, 1e6),
                 MASS => (0.1, 10.0),
                 _ => (0.0, 10.0),
             };
             if let Some(range) = range {
-                check(&format!("parameters.{name}"), range.low, least, most)?;
-                range.check(&format!("parameters.{name}"), least, most)?;
+                check(&format!("parameters.{name}"), range.low, minimum, most)?;
+                range.check(&format!("parameters.{name}"), minimum, most)?;
             }
         }
         Ok(())

@@ -12,7 +12,7 @@ use crate::task::random::Stream;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Payload {
-    /// Weight relative to the greatest thrust along the vehicle's weakest axis.
+    /// Weight relative to the maximum thrust along the vehicle's weakest axis.
     pub share: Span,
     /// Mass, kg; in place of the share.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -46,7 +46,7 @@ impl DisturbanceRows {
             end - count
         };
         let measured = MEASURED_OF_VEHICLE + 2 * context.joints + if context.tilt { 3 } else { 0 };
-        let [least, periods] = disturbance.delay_range(context.period);
+        let [minimum, periods] = disturbance.delay_range(context.period);
         let mut rows = Self {
             clock: take(1),
             steady: take(3),
@@ -64,7 +64,7 @@ impl DisturbanceRows {
                 noise: disturbance.noise.as_ref().map(|_| [take(2 * measured), take(SensorRows::draws(measured))]),
                 ring: take((1 + periods) * measured),
                 slots: 1 + periods,
-                age: (least < periods).then(|| take(1)),
+                age: (minimum < periods).then(|| take(1)),
             }),
             end: 0,
         };

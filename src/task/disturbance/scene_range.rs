@@ -5,13 +5,13 @@ use toml::Value;
 
 /// Range of a number, or of the numbers of a list, at a key of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "must be a share either way, a list of two, [least, greatest], or a list of two lists")]
+#[serde(untagged, expecting = "must be a share either way, a list of two, [minimum, maximum], or a list of two lists")]
 pub enum SceneRange {
     /// Share of the scene's value either way: a factor for each number of a list, one for all of a matrix.
     Share(f64),
-    /// Least and greatest number.
+    /// Minimum and maximum number.
     Number([f64; 2]),
-    /// Least and greatest numbers of a list.
+    /// Minimum and maximum numbers of a list.
     List([Vec<f64>; 2]),
 }
 
@@ -20,7 +20,7 @@ impl SceneRange {
     pub fn check(&self, value: &Value) -> Result<(), String> {
         let ordered = |low: f64, high: f64| {
             let ordered = low <= high && low.is_finite() && high.is_finite();
-            if ordered { Ok(()) } else { Err(format!("[{low}, {high}] is no range, least first")) }
+            if ordered { Ok(()) } else { Err(format!("[{low}, {high}] is no range, minimum first")) }
         };
         match (self, value) {
             (Self::Share(share), _) if !(0.0..1.0).contains(share) => {
@@ -35,7 +35,7 @@ impl SceneRange {
             (_, Value::Array(list)) => {
                 Err(format!("the value is a list of {0}: give a share or two lists of {0}", list.len()))
             }
-            _ => Err("the value is a number: give a share or a list of two, [least, greatest]".into()),
+            _ => Err("the value is a number: give a share or a list of two, [minimum, maximum]".into()),
         }
     }
 

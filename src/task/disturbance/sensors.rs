@@ -13,7 +13,7 @@ use crate::task::random::Stream;
 
 /// Measured numbers of a vehicle without joints: errors of position and attitude, twist.
 pub const MEASURED_OF_VEHICLE: usize = 12;
-/// Greatest count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity.
+/// Maximum count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity.
 pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
 
 /// White noise of the measurements, with these standard deviations at every control instant.
@@ -102,7 +102,7 @@ impl Delay {
         (self.time.at(share) / period).round() as usize + self.periods as usize
     }
 
-    /// Least and greatest age in control periods.
+    /// Minimum and maximum age in control periods.
     pub(super) fn range(&self, period: f64) -> [usize; 2] {
         [0.0, 1.0].map(|share| self.in_periods(period, share))
     }

@@ -8,14 +8,14 @@ use crate::error::TaskError;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Given", into = "[f64; 2]")]
 pub struct Span {
-    /// Least value.
+    /// Minimum value.
     pub low: f64,
-    /// Greatest value.
+    /// Maximum value.
     pub high: f64,
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "must be a number or a list of two, [least, greatest]")]
+#[serde(untagged, expecting = "must be a number or a list of two, [minimum, maximum]")]
 enum Given {
     Number(f64),
     Range([f64; 2]),
@@ -37,7 +37,7 @@ impl From<Span> for [f64; 2] {
 }
 
 impl Span {
-    /// From least to greatest.
+    /// From minimum to maximum.
     pub const fn of(low: f64, high: f64) -> Self {
         Self { low, high }
     }
@@ -58,20 +58,20 @@ impl Span {
     }
 
     /// Refuses ends beyond these bounds, or in the wrong order.
-    pub(super) fn check(self, key: &str, least: f64, greatest: f64) -> Result<(), TaskError> {
+    pub(super) fn check(self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
         let Self { low, high } = self;
         if low <= high {
-            check(key, low, least, greatest)?;
-            check(key, high, least, greatest)
+            check(key, low, minimum, maximum)?;
+            check(key, high, minimum, maximum)
         } else {
-            refuse(key, format!("[{low}, {high}] is no range, least first"))
+            refuse(key, format!("[{low}, {high}] is no range, minimum first"))
         }
     }
 }
 
 /// Refuses a number beyond these bounds.
-pub(super) fn check(key: &str, x: f64, least: f64, greatest: f64) -> Result<(), TaskError> {
-    if x >= least && x <= greatest { Ok(()) } else { refuse(key, format!("{x} must be in [{least}, {greatest}]")) }
+pub(super) fn check(key: &str, x: f64, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+    if x >= minimum && x <= maximum { Ok(()) } else { refuse(key, format!("{x} must be in [{minimum}, {maximum}]")) }
 }
 
 pub(super) fn refuse<T>(key: &str, reason: String) -> Result<T, TaskError> {

@@ -32,7 +32,7 @@ pub struct Tether {
     pub drag: f64,
     /// Weight in water, N per metre; negative if it floats.
     pub weight: Span,
-    /// Stiffness of the stretched cable: share of the greatest thrust along the weakest axis, per metre.
+    /// Stiffness of the stretched cable: share of the maximum thrust along the weakest axis, per metre.
     pub stiffness: f64,
     /// Attachment to the vehicle, body axes, m.
     pub attachment: [f64; 3],
@@ -53,9 +53,9 @@ impl Default for Tether {
     }
 }
 
-/// Least slack that counts for the tension.
+/// Minimum slack that counts for the tension.
 const TAUT: f64 = 5e-3;
-/// Least length of the chord, m.
+/// Minimum length of the chord, m.
 const SHORTEST: f64 = 0.1;
 
 impl Tether {

@@ -10,7 +10,7 @@ use crate::lane::{Lane, Real, Rows, exp, sin_cos};
 use crate::lie::Vector3;
 use crate::task::random::Stream;
 
-/// Greatest number of wave trains.
+/// Maximum number of wave trains.
 pub const TRAINS: usize = 3;
 
 /// Waves by linear (Airy) theory in deep water, at the vehicle's place: the water's velocity, and its local
@@ -29,8 +29,8 @@ pub struct Waves {
     pub trains: usize,
 }
 
-/// Least angular frequency of a train, rad/s.
-const LEAST_FREQUENCY: f64 = 0.01;
+/// Minimum angular frequency of a train, rad/s.
+const MIN_FREQUENCY: f64 = 0.01;
 
 /// Motion of water particles around their mean place, world axes.
 #[derive(Debug, Clone, Copy)]
@@ -157,7 +157,7 @@ impl Waves {
             let speed = speed * exp(number * height);
             let (sine, cosine) = sin_cos(number.mul_add(place.dot(along), -phase));
             // Amplitude of the displacement, speed / omega; 0 for trains that were not drawn.
-            let amplitude = speed / (pace * frequency).max(L::c(LEAST_FREQUENCY));
+            let amplitude = speed / (pace * frequency).max(L::c(MIN_FREQUENCY));
             let axis = along.cross(up);
             orbit.displacement = orbit.displacement - along.scale(amplitude * sine) + up.scale(amplitude * cosine);
             orbit.velocity = orbit.velocity + along.scale(speed * cosine) + up.scale(speed * sine);

@@ -45,7 +45,7 @@ fn estimates(simulator: &Simulator) -> Vec<ErrorEstimate> {
 /// Errors of single quantities pass through zero: not all are met.
 #[test]
 fn the_estimate_is_the_error() {
-    for (precision, least) in [(Precision::Double, 0.95), (Precision::Single, 0.9)] {
+    for (precision, minimum) in [(Precision::Double, 0.95), (Precision::Single, 0.9)] {
         let options = SimulatorOptions { instances: N, precision, error_estimate: Some(true), ..Default::default() };
         let mut found: Vec<(&str, Vec<f64>)> = Vec::new();
         for name in ["petasus-pum", "bluerov2-heavy", "rexrov"] {
@@ -82,7 +82,7 @@ fn the_estimate_is_the_error() {
                 assert!((0.5..2.0).contains(median), "{integrator}");
             }
         }
-        assert!(all.len() > 300 && within as f64 > least * all.len() as f64, "{within} of {}", all.len());
+        assert!(all.len() > 300 && within as f64 > minimum * all.len() as f64, "{within} of {}", all.len());
     }
 }
 

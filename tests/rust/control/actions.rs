@@ -84,7 +84,7 @@ proptest! {
     }
 
     #[test]
-    fn wrench_limits_are_the_greatest_pure_wrenches(axis in 0usize..6, sign in prop::sample::select(vec![-1.0, 1.0])) {
+    fn wrench_limits_are_the_max_pure_wrenches(axis in 0usize..6, sign in prop::sample::select(vec![-1.0, 1.0])) {
         let a = allocation();
         let limit = a.wrench_limits()[axis];
         let asked = Vector6::ith(axis, sign * limit);

@@ -52,17 +52,17 @@ proptest! {
             (0..MOVES.len()).map(|k| (&mpc.bounds * plan.rows(6 * k, 6)).max()).fold(0.0, f64::max)
         };
         prop_assert!(over(&best) < 1.0 + 1e-6, "{}", over(&best));
-        let least = cost(&model, &best, &parameters);
-        prop_assert!(cost(&model, &free, &parameters) <= least * (1.0 + 1e-9));
+        let minimum = cost(&model, &best, &parameters);
+        prop_assert!(cost(&model, &free, &parameters) <= minimum * (1.0 + 1e-9));
         if over(&free) < 0.99 {
             prop_assert!((&free - &best).amax() < 1e-4, "{}", (&free - &best).amax());
         }
         for plan in [free, DVector::from_vec(other), DVector::zeros(PLAN)] {
             let plan = &plan / over(&plan).max(1.0);
-            prop_assert!(least <= cost(&model, &plan, &parameters) * (1.0 + 1e-6) + 1e-9);
+            prop_assert!(minimum <= cost(&model, &plan, &parameters) * (1.0 + 1e-6) + 1e-9);
             // On the way there, too.
             let near = &best + (plan - &best) * 1e-3;
-            prop_assert!(least <= cost(&model, &near, &parameters) * (1.0 + 1e-6) + 1e-9);
+            prop_assert!(minimum <= cost(&model, &near, &parameters) * (1.0 + 1e-6) + 1e-9);
         }
     }
 }

@@ -91,7 +91,7 @@ fn articulated_and_closed_form_agree_on_random_systems() {
             assert!(difference < 1e-12, "seed {seed}: {difference:e}, condition {condition:e}");
         }
     }
-    println!("{checked} systems: greatest difference {worst:e}, greatest residual {worst_residual:e}");
+    println!("{checked} systems: maximum difference {worst:e}, maximum residual {worst_residual:e}");
     assert!(checked > 200, "only {checked} well-conditioned systems");
 }
 

@@ -34,26 +34,26 @@ fn functions<T: Real>(isa: Isa, pairs: &[[f64; 2]]) -> Vec<[f64; 4]> {
 
 /// Pairs of all magnitudes that the type holds well; half of them near 1, where logarithms cancel, and near each other.
 fn pairs<T: Real>() -> Vec<[f64; 2]> {
-    let greatest = if T::SINGLE { 30.0 } else { 280.0 };
+    let maximum = if T::SINGLE { 30.0 } else { 280.0 };
     let mut random = Random::new(5);
     let mut number = |near: bool| {
-        let x = if near { random.between(0.4, 2.5) } else { 10.0_f64.powf(random.between(-greatest, greatest)) };
+        let x = if near { random.between(0.4, 2.5) } else { 10.0_f64.powf(random.between(-maximum, maximum)) };
         T::from_f64(x * random.between(-1.0, 1.0).signum()).to_f64()
     };
     (0..40_000).map(|i| [number(i % 2 == 0), number(i % 4 < 2)]).collect()
 }
 
-/// Greatest error of each function, by epsilons of the result.
+/// Maximum error of each function, by epsilons of the result.
 fn worst<T: Real>(isa: Isa) -> [f64; 4] {
     let mut worst = [0.0_f64; 4];
-    let least = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+    let minimum = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
     let pairs = pairs::<T>();
     for ([a, b], got) in pairs.iter().zip(functions::<T>(isa, &pairs)) {
         let expected = [a.ln(), a.ln_1p(), b.atan2(*a), a.abs().sqrt().recip()];
         for f in 0..4 {
             if expected[f].is_nan() {
                 assert!(got[f].is_nan(), "{f}({a}, {b}) = {}", got[f]);
-            } else if expected[f].abs() > least {
+            } else if expected[f].abs() > minimum {
                 let error = (got[f] - expected[f]).abs() / (T::EPSILON * expected[f].abs());
                 assert!(error.is_finite(), "{f}({a}, {b}) = {}, not {}", got[f], expected[f]);
                 worst[f] = worst[f].max(error);

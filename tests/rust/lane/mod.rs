@@ -270,13 +270,13 @@ fn any_and_bits_see_each_lane() {
     assert!(lanes.0 >= Isa::available().count());
 }
 
-/// Angles: all magnitudes up to `greatest`, and next to every kind of quadrant border.
-fn angles(greatest: f64) -> Vec<f64> {
+/// Angles: all magnitudes up to `maximum`, and next to every kind of quadrant border.
+fn angles(maximum: f64) -> Vec<f64> {
     let mut random = Random::new(2);
     let mut angles: Vec<f64> = (0..40_000)
-        .map(|_| random.between(-1.0, 1.0).signum() * 10.0_f64.powf(random.between(-12.0, greatest.log10())))
+        .map(|_| random.between(-1.0, 1.0).signum() * 10.0_f64.powf(random.between(-12.0, maximum.log10())))
         .collect();
-    let borders = (greatest / std::f64::consts::FRAC_PI_4) as i64;
+    let borders = (maximum / std::f64::consts::FRAC_PI_4) as i64;
     for i in 0..20_000 {
         let k = if i < 2000 { i } else { (random.bits() % borders as u64) as i64 };
         let border = k as f64 * std::f64::consts::FRAC_PI_4;
@@ -286,9 +286,9 @@ fn angles(greatest: f64) -> Vec<f64> {
     angles
 }
 
-/// Greatest errors of sine and cosine, relative to rounding of the result (first) and of one (second).
-fn sin_cos_error<T: Real>(isa: Isa, greatest: f64) -> [f64; 2] {
-    let a: Vec<T> = angles(greatest).into_iter().map(T::from_f64).collect();
+/// Maximum errors of sine and cosine, relative to rounding of the result (first) and of one (second).
+fn sin_cos_error<T: Real>(isa: Isa, maximum: f64) -> [f64; 2] {
+    let a: Vec<T> = angles(maximum).into_iter().map(T::from_f64).collect();
     let columns = [a.clone(), a.clone(), a.clone()];
     let results = operations(isa, &columns);
     let mut worst = [0.0_f64; 2];

@@ -34,9 +34,9 @@ fn drift(scene: &Scene, integrator: &str, dt: f64, state: &State, steps: usize) 
     simulator.state(0)
 }
 
-/// Greatest difference of any entry of two states.
+/// Maximum difference of any entry of two states.
 fn distance(a: &State, b: &State) -> f64 {
     let joints = a.q.iter().chain(&a.qd).zip(b.q.iter().chain(&b.qd)).map(|(x, y)| (x - y).abs());
     let vehicle = [(a.position - b.position).amax(), (a.rotation - b.rotation).amax(), (a.twist - b.twist).amax()];
-    joints.chain(vehicle).fold(0.0, |greatest, x| if x <= greatest { greatest } else { x })
+    joints.chain(vehicle).fold(0.0, |maximum, x| if x <= maximum { maximum } else { x })
 }

@@ -36,8 +36,8 @@ fn floating(water: bool) -> (Scene, State) {
     (scene, state)
 }
 
-/// What a run leaves: greatest drifts of linear and angular momentum by the sum over bodies of |momentum| at that time,
-/// and by that at the start; greatest joint rate.
+/// What a run leaves: maximum drifts of linear and angular momentum by the sum over bodies of |momentum| at that time,
+/// and by that at the start; maximum joint rate.
 struct Run {
     drift: [f64; 2],
     by_start: [f64; 2],
@@ -66,7 +66,7 @@ impl Run {
                 run.drift[part] = run.drift[part].max(drift / scale[part]);
                 run.by_start[part] = run.by_start[part].max(drift / start_scale[part]);
             }
-            run.rate = simulator.state(0).qd.iter().fold(run.rate, |greatest, x| greatest.max(x.abs()));
+            run.rate = simulator.state(0).qd.iter().fold(run.rate, |maximum, x| maximum.max(x.abs()));
         }
         println!(
             "water {water}, h = {h}, {seconds} s: drift linear {:.2e}, angular {:.2e} (by the scale at the start {:.2e}, {:.2e}), \

@@ -76,13 +76,13 @@ fn a_step_too_long_is_seen() {
         for integrator in ["mk4", "mk3", "mk2"] {
             let options = SimulatorOptions { integrator: integrator.into(), precision, ..SimulatorOptions::default() };
             let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-            let mut greatest = 0.0_f64;
+            let mut maximum = 0.0_f64;
             for _ in 0..50 {
                 simulator.step(&Inputs { joint_target: Some(&target), ..Inputs::default() }, 1).unwrap();
-                greatest = greatest.max(simulator.stiffness(0));
+                maximum = maximum.max(simulator.stiffness(0));
             }
-            println!("{integrator}, {precision:?}: seen {greatest:.2}, q' {:?}", &simulator.state(0).qd[..5]);
-            assert!(greatest > 2.5, "{integrator}, {precision:?}: {greatest}");
+            println!("{integrator}, {precision:?}: seen {maximum:.2}, q' {:?}", &simulator.state(0).qd[..5]);
+            assert!(maximum > 2.5, "{integrator}, {precision:?}: {maximum}");
         }
     }
 }
@@ -98,14 +98,14 @@ fn motion_of_the_shipped_scenes_is_slow_for_their_step() {
             let options =
                 SimulatorOptions { instances: 16, precision, threads: Some(1), ..SimulatorOptions::default() };
             let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-            let mut greatest = 0.0_f64;
+            let mut maximum = 0.0_f64;
             for _ in 0..40 {
                 let thrust: Vec<f64> = (0..16 * thrusters).map(|_| random.between(-20.0, 20.0)).collect();
                 simulator.step(&Inputs { thrust: Some(&thrust), ..Inputs::default() }, 5).unwrap();
-                greatest = (0..16).fold(greatest, |greatest, i| greatest.max(simulator.stiffness(i)));
+                maximum = (0..16).fold(maximum, |maximum, i| maximum.max(simulator.stiffness(i)));
             }
-            println!("{name}, {precision:?}: {greatest:.3}");
-            assert!(greatest < 1.6, "{name}, {precision:?}: {greatest}");
+            println!("{name}, {precision:?}: {maximum:.3}");
+            assert!(maximum < 1.6, "{name}, {precision:?}: {maximum}");
         }
     }
 }

@@ -55,7 +55,7 @@ fn rotation_vector_is_the_logarithm() {
             }
         }
     }
-    println!("rotation vector: greatest relative error {worst:e}");
+    println!("rotation vector: maximum relative error {worst:e}");
     assert!(LOGARITHMS.iter().all(|log| log(&na::Matrix3::identity()) == na::Vector3::zeros()));
 }
 

@@ -45,7 +45,7 @@ fn val_exponential_and_inverse_of_dexp_at_sixty_digits() {
             assert!((turn - exact).norm() < 1e-15 * exact.norm().max(case.angle), "{}", case.angle);
         }
     }
-    println!("greatest errors up to 3.6 rad: exp {:e}, dexp^-1 {:e}", worst[0], worst[1]);
+    println!("maximum errors up to 3.6 rad: exp {:e}, dexp^-1 {:e}", worst[0], worst[1]);
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn random_pose(random: &mut Random) -> Pose<f64> {
     Pose { rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))), position: Vector3(p.into()) }
 }
 
-/// Angles from `least` to `greatest` in equal ratios.
-fn angles(least: f64, greatest: f64, count: usize) -> impl Iterator<Item = f64> {
-    (0..count).map(move |i| least * (greatest / least).powf(i as f64 / (count - 1) as f64))
+/// Angles from `minimum` to `maximum` in equal ratios.
+fn angles(minimum: f64, maximum: f64, count: usize) -> impl Iterator<Item = f64> {
+    (0..count).map(move |i| minimum * (maximum / minimum).powf(i as f64 / (count - 1) as f64))
 }

@@ -4,7 +4,7 @@ use std::fs;
 
 use super::{files, source};
 
-/// Greatest number of lines of a file.
+/// Maximum number of lines of a file.
 const MOST: usize = 400;
 
 #[test]

@@ -156,19 +156,19 @@ fn chains_of_special_axes_move_as_described() {
 
 #[test]
 fn nearly_parallel_axes_keep_their_digits() {
-    let mut greatest = 0.0_f64;
+    let mut maximum = 0.0_f64;
     for exponent in 0..30 {
         let angle = 10.0_f64.powf(-16.0 + 0.5 * f64::from(exponent));
         for seed in 0..3 {
             for angle in [angle, PI - angle] {
                 let scene = chain(seed, &[Lie::Turned(angle), Lie::General, Lie::Turned(angle), Lie::Turned(-angle)]);
                 let error = worst(&scene, seed);
-                greatest = greatest.max(error);
+                maximum = maximum.max(error);
                 assert!(error < 1e-12, "angle {angle:e}, seed {seed}: {error:e}");
             }
         }
     }
-    println!("nearly parallel axes: greatest error {greatest:e}");
+    println!("nearly parallel axes: maximum error {maximum:e}");
 }
 
 #[test]
@@ -257,17 +257,17 @@ fn near(Shared(x): Shared<f64>) -> f64 {
 fn constants_are_no_rounding() {
     for name in Scene::shipped_names() {
         let compiled = compile(&Scene::shipped(name).unwrap());
-        let least = Cell::new(f64::INFINITY);
+        let minimum = Cell::new(f64::INFINITY);
         let note = |Shared(x): Shared<f64>| {
             if x != 0.0 {
-                least.set(least.get().min(x.abs()))
+                minimum.set(minimum.get().min(x.abs()))
             }
         };
         compiled.system.map(note);
         for parts in &compiled.unscaled {
             parts.map(note);
         }
-        assert!(least.get() > 1e-9, "{name}: {:e}", least.get());
+        assert!(minimum.get() > 1e-9, "{name}: {:e}", minimum.get());
     }
 }
 

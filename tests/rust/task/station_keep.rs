@@ -483,9 +483,9 @@ fn joints_are_driven_by_no_more_than_their_effort_and_enough_to_hold_the_arm() {
         let holding = trim.trim(&home, Vector3::zeros()).unwrap().joint_torques;
         let ranges = task.action_ranges();
         for ((range, joint), hold) in ranges[6..].iter().zip(scene.joints()).zip(holding.iter()) {
-            let greatest = range.limits[1];
+            let maximum = range.limits[1];
             assert!(
-                greatest <= joint.effort.unwrap() && greatest > 1.5 * hold.abs() && greatest > 0.0,
+                maximum <= joint.effort.unwrap() && maximum > 1.5 * hold.abs() && maximum > 0.0,
                 "{name}: {range:?}"
             );
         }

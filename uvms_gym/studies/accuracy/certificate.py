@@ -4,12 +4,12 @@ Episodes run under the same recorded actions by a configuration (integrator, pre
 same environment, so policies and their feedback do not add to the differences, and seeds, disturbances and sensor noise
 are the same draws. Each quantity is one number per episode, over its steps up to the end of either run:
 
-- vehicle position (m), attitude (rad), joints (rad or m), end effector (m): greatest error of the state;
+- vehicle position (m), attitude (rad), joints (rad or m), end effector (m): maximum error of the state;
 - observation: error in standard deviations of the sensor noise, in the worst entry, at 95 % of the steps;
 - reward: error of the episode's sum of rewards, over the standard deviation of that sum between episodes.
 
 A configuration is certified where 95 % of the episodes of every drive are within `LIMITS`, the step is
-`STABILITY_MARGIN` times smaller than the greatest stable one, no step warning occurs, and 95 % of the episodes end at
+`STABILITY_MARGIN` times smaller than the maximum stable one, no step warning occurs, and 95 % of the episodes end at
 the same step. The limits are far below anything that a simulation is used for:
 
 - 1 mm and 1 mrad: a fifth of the noise of position and attitude, half that of joints, and a fiftieth and a hundredth of
@@ -49,7 +49,7 @@ INTEGRATORS = ("ros2",)
 #: Reference, and the check of its uncertainty: half the step and another update of the attitude.
 REFERENCE = Configuration("mk4", "float64", 2.5e-4)
 CHECK = Configuration("rk4-normalise", "float64", 1.25e-4)
-#: Greatest errors of a certified configuration, and their units.
+#: Maximum errors of a certified configuration, and their units.
 LIMITS = {
     "position": 1e-3,
     "attitude": 1e-3,
@@ -68,7 +68,7 @@ UNITS = {
 }
 #: Share of episodes, and of steps for observations, within the limits.
 SHARE = 0.95
-#: Greatest uncertainty of the reference over the limits.
+#: Maximum uncertainty of the reference over the limits.
 CONVERGED = 0.1
 #: Block of an observation that is left out.
 INTEGRAL = "error_integral"
@@ -217,7 +217,7 @@ def compare(run: Recording, truth: Recording, deviation: Floats) -> dict[str, An
 
 
 def recommend(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Greatest certified step of every integrator and precision; None where no step is."""
+    """Maximum certified step of every integrator and precision; None where no step is."""
     steps: dict[tuple[str, str], float | None] = {}
     for row in rows:
         key = (row["integrator"], row["dtype"])
@@ -243,7 +243,7 @@ def _row(configuration: Configuration, errors: Mapping[str, Any], about: Frame) 
 
 
 def _dividing(configuration: Configuration, period: float) -> Configuration:
-    """Copy with the greatest step that divides the control period and is no greater."""
+    """Copy with the maximum step that divides the control period and is no greater."""
     return configuration._replace(step=period / int(np.ceil(period / configuration.step * (1.0 - 1e-9))))
 
 

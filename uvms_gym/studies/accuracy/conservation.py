@@ -45,9 +45,9 @@ def drifts(
     seed: int,
     tick: Callable[[], None] = lambda: None,
 ) -> list[dict[str, Any]]:
-    """Greatest relative drifts by every setting: of energy, and of impulse over the sum of |momentum| at the start.
+    """Maximum relative drifts by every setting: of energy, and of impulse over the sum of |momentum| at the start.
 
-    Each is the greatest over the whole seconds of a run; median and worst of the ensemble. Impulse is left out where
+    Each is the maximum over the whole seconds of a run; median and worst of the ensemble. Impulse is left out where
     the vehicle is held: it is not conserved then.
     """
     still = conservative(scene)
@@ -58,9 +58,9 @@ def drifts(
             warnings.simplefilter("ignore")
             simulator = Simulator(still, episodes, **setting.options())
             simulator.set_state(**state)
-            greatest = _greatest(simulator, seconds)
+            maximum = _maximum(simulator, seconds)
         row: dict[str, Any] = setting._asdict()
-        for name, values in greatest.items():
+        for name, values in maximum.items():
             row[name] = median_and_worst(np.where(np.isfinite(values), values, np.inf))
         rows.append(row)
         tick()
@@ -78,10 +78,10 @@ def _start(scene: dict[str, Any], episodes: int, seed: int) -> dict[str, Floats]
     return state
 
 
-def _greatest(simulator: Simulator, seconds: float) -> dict[str, Floats]:
+def _maximum(simulator: Simulator, seconds: float) -> dict[str, Floats]:
     energy, momentum = _energy(simulator), simulator.momentum()
     scale = simulator.momentum_terms()["total_scale"]
-    greatest = {name: np.zeros(simulator.num_envs) for name in QUANTITIES}
+    maximum = {name: np.zeros(simulator.num_envs) for name in QUANTITIES}
     total = round(seconds / PERIOD)
     for begun in range(0, total, 10):
         simulator.step(substeps=round(min(10, total - begun) * PERIOD / simulator.dt))
@@ -89,10 +89,10 @@ def _greatest(simulator: Simulator, seconds: float) -> dict[str, Floats]:
         off = np.linalg.norm(impulse, axis=-1) / scale
         now = {"energy": np.abs(_energy(simulator) / energy - 1.0), "linear": off[:, 0], "angular": off[:, 1]}
         # NaN propagates.
-        greatest = {name: np.maximum(greatest[name], now[name]) for name in QUANTITIES}
+        maximum = {name: np.maximum(maximum[name], now[name]) for name in QUANTITIES}
     if simulator.scene["vehicle"]["fixed"]:
-        return {"energy": greatest["energy"]}
-    return greatest
+        return {"energy": maximum["energy"]}
+    return maximum
 
 
 def _energy(simulator: Simulator) -> Floats:

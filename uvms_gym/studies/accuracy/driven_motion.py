@@ -19,16 +19,16 @@ from uvms_gym.studies.numerics import Floats, hermite_cubic, joints
 PERIOD = 0.1
 #: Duration of the motion before the study starts, and its step, s.
 LEAD, LEAD_STEP = 3.0, 1e-3
-#: Greatest speed of the current, m/s; greatest angle between it and the horizontal, rad.
+#: Maximum speed of the current, m/s; maximum angle between it and the horizontal, rad.
 CURRENT, CURRENT_TILT = 0.3, 0.25
-#: Greatest tilt and greatest speeds at the start of the lead, rad, m/s and rad/s.
+#: Maximum tilt and maximum speeds at the start of the lead, rad, m/s and rad/s.
 TILT, SPEED, SPIN = 0.3, 0.2, 0.2
-#: Greatest accelerations by the wrenches alone, m/s^2 and rad/s^2.
+#: Maximum accelerations by the wrenches alone, m/s^2 and rad/s^2.
 PUSH, TWIST = 0.2, 0.3
-#: A drive is two sinusoids: bands of frequency, Hz, of wrenches and joints, and share of each in the greatest value.
+#: A drive is two sinusoids: bands of frequency, Hz, of wrenches and joints, and share of each in the maximum value.
 WRENCH_BANDS, JOINT_BANDS, SHARES = ((0.05, 0.1), (0.1, 0.2)), ((0.1, 0.15), (0.15, 0.3)), (0.7, 0.3)
-#: Greatest rate of a joint's reference, rad/s, and least drawn share of it.
-RATE, LEAST_SHARE = 0.5, 0.6
+#: Maximum rate of a joint's reference, rad/s, and minimum drawn share of it.
+RATE, MIN_SHARE = 0.5, 0.6
 #: Travel of a prismatic joint for one radian of a revolute one, m.
 PRISMATIC_PER_RADIAN = 0.25
 #: Distance of references from the joints' limits, rad: soft servos overshoot and yield to the water.
@@ -138,9 +138,9 @@ def character(motion: Motion, track: Track) -> dict[str, float]:
     return {
         "path": float(np.median(steps.sum(axis=0))),
         "turn": float(np.median(turned.sum(axis=0))),
-        "greatest_tilt": float(tilt.max()),
+        "max_tilt": float(tilt.max()),
         "joint_travel": float(np.median(np.ptp(track.q, axis=0))) if track.q.size else 0.0,
-        "greatest_reference_rate": float(np.abs(references).max()) if references.size else 0.0,
+        "max_reference_rate": float(np.abs(references).max()) if references.size else 0.0,
     }
 
 
@@ -169,9 +169,9 @@ def _in_ball(rng: np.random.Generator, count: int, radius: float) -> Floats:
 
 def _wrenches(rng: np.random.Generator, simulator: Simulator, periods: int) -> Floats:
     """Wrenches (periods, N, 6) scaled by the inertia of vehicle, added mass and arm along each axis."""
-    greatest = np.diagonal(simulator.mass_matrix()[0])[:6] * np.repeat([PUSH, TWIST], 3)
+    maximum = np.diagonal(simulator.mass_matrix()[0])[:6] * np.repeat([PUSH, TWIST], 3)
     times = PERIOD * np.arange(0.5, periods, dtype=np.float64)
-    held: Floats = greatest * _sinusoids(rng, times, (simulator.num_envs, 6), WRENCH_BANDS)[0]
+    held: Floats = maximum * _sinusoids(rng, times, (simulator.num_envs, 6), WRENCH_BANDS)[0]
     return held
 
 
@@ -183,7 +183,7 @@ def _references(rng: np.random.Generator, simulator: Simulator, periods: int) ->
     centre, size = np.zeros(shape), np.zeros(shape)
     for k, joint in enumerate(joints(simulator.scene)):
         unit = PRISMATIC_PER_RADIAN if joint["kind"] == "prismatic" else 1.0
-        size[:, k] = unit * RATE * rng.uniform(LEAST_SHARE, 1.0, shape[0])
+        size[:, k] = unit * RATE * rng.uniform(MIN_SHARE, 1.0, shape[0])
         centre[:, k] = joint.get("home", 0.0)
         if limits := joint.get("limits"):
             low, high = limits["lower"], limits["upper"]
@@ -201,7 +201,7 @@ def _sinusoids(
     bands: tuple[tuple[float, float], ...],
     rates: bool = False,
 ) -> tuple[Floats, Floats, Floats]:
-    """Sums of sinusoids (times, *shape) with the greatest value, or greatest rate, 1; their rates and amplitudes."""
+    """Sums of sinusoids (times, *shape) with the maximum value, or maximum rate, 1; their rates and amplitudes."""
     value, rate, reach = np.zeros((len(times), *shape)), np.zeros((len(times), *shape)), np.zeros(shape)
     for (low, high), share in zip(bands, SHARES, strict=True):
         angular = 2.0 * math.pi * rng.uniform(low, high, shape)

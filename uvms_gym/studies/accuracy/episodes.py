@@ -52,7 +52,7 @@ class Frame(NamedTuple):
     period: float
     steps: int
     default: Configuration
-    #: Greatest stable step of each integrator, s.
+    #: Maximum stable step of each integrator, s.
     stable_steps: dict[str, float]
     #: Blocks of an observation.
     layout: tuple[Block, ...]

@@ -67,7 +67,7 @@ def plot_work_precision(path: Path, results: Mapping[str, Any], seconds: float) 
 
 
 def plot_drift(path: Path, results: Mapping[str, Any], seconds: float) -> None:
-    """Greatest drift of energy and impulse over the step without dissipation, one row per scene."""
+    """Maximum drift of energy and impulse over the step without dissipation, one row per scene."""
     titles = {"energy": "kinetic energy", "linear": "linear impulse", "angular": "angular impulse"}
     with picture(path, 11.0, 2.9 * len(results) + 0.6) as figure:
         rows = figure.subplots(len(results), len(QUANTITIES), squeeze=False, sharex=True)

@@ -8,8 +8,8 @@ from uvms_gym.studies.accuracy.work_precision import PRECISIONS, Setting, Tick, 
 
 #: Step of criteria and of the comparison at equal cost, s, and the time, s, and scene that they are stated for.
 STEP, TIME, SCENE = 0.01, 10.0, "petasus-pum"
-#: Bounds on MK4's median error at the end effector, m; least error ratio at equal cost; greatest deviation of an order.
-BOUNDS, LEAST_RATIO, ORDER_TOLERANCE = {"f64": 1e-7, "f32": 1e-5}, 1000.0, 0.2
+#: Bounds on MK4's median error at the end effector, m; minimum error ratio at equal cost; maximum order deviation.
+BOUNDS, MIN_RATIO, ORDER_TOLERANCE = {"f64": 1e-7, "f32": 1e-5}, 1000.0, 0.2
 #: Method that MK4 is compared with at equal cost.
 BASELINE = "semi-implicit-euler"
 #: Steps and episodes for orders without kinks.
@@ -91,7 +91,7 @@ def criteria(results: Mapping[str, Any], seconds: float) -> list[Criterion]:
         if comparison is not None and name == SCENE and seconds == TIME:
             what = f"{name}: error of {BASELINE} at equal cost over that of MK4 at {STEP:g} s"
             ratio = comparison["ratio"]
-            found.append(Criterion(what, f"{ratio:.2g}", f"{LEAST_RATIO:g}", ratio > LEAST_RATIO))
+            found.append(Criterion(what, f"{ratio:.2g}", f"{MIN_RATIO:g}", ratio > MIN_RATIO))
     known = work_precision.integrators()
     deviations = [
         (abs(entry["order"] - known[method]["order"]), f"{method} {entry['order']:.2f}, {name}")
@@ -100,6 +100,6 @@ def criteria(results: Mapping[str, Any], seconds: float) -> list[Criterion]:
     ]
     if deviations:
         deviation, where = max(deviations)
-        what = f"orders without quadratic damping, greatest deviation from theory ({where})"
+        what = f"orders without quadratic damping, maximum deviation from theory ({where})"
         found.append(Criterion(what, f"{deviation:.2f}", f"{ORDER_TOLERANCE:g}", deviation < ORDER_TOLERANCE))
     return found

@@ -26,19 +26,19 @@ Tick = Callable[[], None]
 PRECISIONS = {"f64": "float64", "f32": "float32"}
 STEPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-#: Least tolerance in single precision.
-LEAST_SINGLE_TOLERANCE = 1e-6
+#: Minimum tolerance in single precision.
+MIN_SINGLE_TOLERANCE = 1e-6
 #: Quantities and their units.
 QUANTITIES = {"position": "m", "attitude": "rad", "joints": "rad", "end_effector": "m"}
 #: Error at the end, m or rad, beyond which an instance counts as diverged: about a tenth of its path.
 DIVERGED = 0.3
-#: Least error that can be resolved, over the uncertainty of the reference.
+#: Minimum error that can be resolved, over the uncertainty of the reference.
 FLOOR = 10.0
 #: Measurement of cost: instances, interleaved repeats, timed control periods, and periods before them.
 TIMED, REPEATS, TIMED_PERIODS, WARM_PERIODS = 256, 5, 3, 1
 #: Number of finest steps, of those with errors above the floor, for the slope of an order.
 POINTS = 4
-#: Greatest median error at the end effector at the recommended step, m, and its distance from the greatest stable one.
+#: Maximum median error at the end effector at the recommended step, m, and its distance from the maximum stable one.
 RECOMMENDED = {"f64": 1e-6, "f32": 1e-5}
 STABILITY_MARGIN = 1.5
 
@@ -79,8 +79,8 @@ def settings(names: Iterable[str], steps: Sequence[float], tolerances: Sequence[
     for name in names:
         for precision in PRECISIONS:
             if known[name]["adaptive"]:
-                least = LEAST_SINGLE_TOLERANCE if precision == "f32" else 0.0
-                result += [Setting(name, precision, PERIOD, t) for t in tolerances if t >= least]
+                minimum = MIN_SINGLE_TOLERANCE if precision == "f32" else 0.0
+                result += [Setting(name, precision, PERIOD, t) for t in tolerances if t >= minimum]
             else:
                 result += [Setting(name, precision, step) for step in steps]
     return result
@@ -184,7 +184,7 @@ def orders(rows: Sequence[dict[str, Any]], stable: dict[str, float]) -> dict[str
 
 
 def recommend(result: dict[str, Any], precision: str) -> dict[str, Any] | None:
-    """Row of the greatest step of MK4 with an error below its bar, a stability margin and no warning."""
+    """Row of the maximum step of MK4 with an error below its bar, a stability margin and no warning."""
     most = result["stable_steps"]["mk4"] / STABILITY_MARGIN
     fit = [
         row

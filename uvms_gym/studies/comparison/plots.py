@@ -210,7 +210,7 @@ def plot_departures(path: Path, groups: Mapping[str, Results]) -> None:
         image: Any = None
         for axes, (group, results) in zip(grid, groups.items(), strict=True):
             image = _heat(axes, results)
-            axes.set_title(f"{group}: pose error, mm (boxed: least)", pad=26.0)
+            axes.set_title(f"{group}: pose error, mm (boxed: minimum)", pad=26.0)
         bar = figure.colorbar(image, ax=list(grid), location="bottom", shrink=0.5, aspect=40, pad=0.03)
         bar.set_ticks([-2.0, -1.0, 0.0, 1.0, 2.0], labels=["1/4", "1/2", "1", "2", "4"])
         bar.set_label(f"over that of {results[0][1].baseline}")

@@ -37,7 +37,7 @@ class Summary(NamedTuple):
     baseline : str
         First of the baselines.
     winner, runner_up : str
-        Controllers with the least and second least error, but for bounds.
+        Controllers with the minimum and second minimum error, but for bounds.
     margin : Estimate
         Error of the winner over that of the runner-up.
     thresholds : Floats

@@ -47,17 +47,17 @@ class Form(NamedTuple):
     holds: Callable[[Any], bool]
 
 
-def _integer(least: int, most: int) -> Form:
-    return Form(f"an integer from {least} to {most}", lambda x: type(x) is int and least <= x <= most)
+def _integer(minimum: int, most: int) -> Form:
+    return Form(f"an integer from {minimum} to {most}", lambda x: type(x) is int and minimum <= x <= most)
 
 
 def _number(most: float) -> Form:
     return Form(f"a number from 0 to {most:g}", lambda x: type(x) in (int, float) and 0 <= x <= most)
 
 
-def _names(least: int) -> Form:
-    allowed = f"a list of at least {least} different names"
-    return Form(allowed, lambda x: _is_names(x) and len(set(x)) == len(x) >= least)
+def _names(minimum: int) -> Form:
+    allowed = f"a list of at least {minimum} different names"
+    return Form(allowed, lambda x: _is_names(x) and len(set(x)) == len(x) >= minimum)
 
 
 def _is_names(value: Any) -> bool:

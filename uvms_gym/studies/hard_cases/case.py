@@ -18,7 +18,7 @@ Quantities = dict[str, Floats]
 Scene = dict[str, Any]
 
 DTYPES = ("float64", "float32")
-#: Error bound of a fourth-order method in float64, and the least bound in float32; relative. For a method of order
+#: Error bound of a fourth-order method in float64, and the minimum bound in float32; relative. For a method of order
 #: p < 4 the bound is the p/4-th power of the former: its error where a fourth-order method is just accurate enough.
 BOUND, BOUND_FLOAT32 = 1e-6, 1e-3
 #: Relative error beyond which no run may get without a warning, at any step, and that below which a warning is a false
@@ -127,14 +127,14 @@ class Case:
     description: str
     run: Callable[[CaseRunner], Quantities]
     reference: Callable[[], Reference]
-    #: Recommended step by order, s: a method takes that of the greatest order not above its own, at which its theory
+    #: Recommended step by order, s: a method takes that of the maximum order not above its own, at which its theory
     #: predicts an error within the bound.
     steps: Mapping[int, float]
     #: Time that every step divides, s.
     interval: float
     #: Recommended step of linearly implicit methods by order, s, if different from that of their order.
     implicit_steps: Mapping[int, float] = field(default_factory=dict)
-    #: Greatest order on this motion: forces with kinks or jumps within a step reduce that of any method.
+    #: Maximum order on this motion: forces with kinks or jumps within a step reduce that of any method.
     smoothness: int = 4
     #: Reason for unusual bounds or steps.
     reason: str = ""
@@ -188,7 +188,7 @@ class Run:
 
     @property
     def error(self) -> float:
-        """Greatest error of all quantities; infinite if a value is not finite."""
+        """Maximum error of all quantities; infinite if a value is not finite."""
         error = float(np.max(list(self.errors.values())))
         return math.inf if math.isnan(error) else error
 
@@ -222,7 +222,7 @@ def evaluate(case: Case, method: Method, dtype: str, step: float | None = None) 
 
 
 def errors(values: Quantities, reference: Quantities) -> dict[str, float]:
-    """Relative errors by quantity: the greatest difference over the greatest magnitude; rad for rotations (k, 3, 3).
+    """Relative errors by quantity: the maximum difference over the maximum magnitude; rad for rotations (k, 3, 3).
 
     Infinite where a value is not finite.
 

@@ -206,7 +206,7 @@ def _run_orthonormal(runner: CaseRunner) -> Quantities:
 
 ORTHONORMAL = Case(
     name="R'R over 1e6 steps",
-    description="greatest entry of |R'R - I| over a million steps of tumbling, with the kernel's Newton projection",
+    description="maximum entry of |R'R - I| over a million steps of tumbling, with the kernel's Newton projection",
     run=_run_orthonormal,
     reference=lambda: Reference({"R'R": np.ones((DRIFT_SAMPLES, 1))}, "definition"),
     steps={2: 0.01, 1: 0.0002},

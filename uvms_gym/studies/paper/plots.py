@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def plot_figure_2(path: Path, data: Mapping[str, Any]) -> None:
-    """Yaw over the last 15 s, and the greatest difference from the reference so far."""
+    """Yaw over the last 15 s, and the maximum difference from the reference so far."""
     time, reference = data["time"], data["reference"]
     last = time >= time[-1] - 15.0
     with picture(path, 8.0, 7.6) as figure:
@@ -24,8 +24,8 @@ def plot_figure_2(path: Path, data: Mapping[str, Any]) -> None:
         for (name, difference), colour in zip(data["difference"].items(), COLOURS, strict=False):
             yaw = np.mod(reference + difference, 2.0 * np.pi)
             top.plot(time[last], _cut(yaw[last]), color=colour, linewidth=1.2, label=name)
-            greatest = np.maximum.accumulate(np.abs(difference))
-            bottom.semilogy(time[1:], np.maximum(greatest[1:], 1e-16), color=colour)
+            maximum = np.maximum.accumulate(np.abs(difference))
+            bottom.semilogy(time[1:], np.maximum(maximum[1:], 1e-16), color=colour)
         top.axvline(499.9, color="#888888", linestyle=":", linewidth=1.0)
         top.text(499.8, 0.1, "499.9 s", ha="right", color="#666666", fontsize=9.0)
         top.set(
@@ -36,7 +36,7 @@ def plot_figure_2(path: Path, data: Mapping[str, Any]) -> None:
             yticks=[0.0, np.pi, 2.0 * np.pi],
             yticklabels=["0", "π", "2π"],
         )
-        title, label = "Greatest difference from the reference so far", "|yaw - reference| (rad)"
+        title, label = "Maximum difference from the reference so far", "|yaw - reference| (rad)"
         bottom.set(title=title, xlabel="time (s)", ylabel=label, ylim=(1e-16, 30.0))
         figure.legend(loc="outside lower center", ncols=3)
 
@@ -77,7 +77,7 @@ def plot_tumbling(path: Path, data: Mapping[str, Any]) -> None:
 
 
 def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
-    """Drift of momentum over time at each step, and the greatest drift over the step."""
+    """Drift of momentum over time at each step, and the maximum drift over the step."""
     with picture(path, 10.0, 6.8) as figure:
         rows = figure.subplots(2, 2, width_ratios=(3, 2))
         for (over_time, by_step), (name, study) in zip(rows, data.items(), strict=True):
@@ -92,7 +92,7 @@ def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
                 by_step.loglog(steps, [run[kind] for run in study["runs"]], marker=marker, color=colour, label=label)
             label = f"{BAR:.0e}, the most at h = 0.01 s"
             by_step.axhline(BAR, color=VERMILION, linestyle="--", linewidth=1.0, label=label)
-            by_step.set(title="Greatest drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
+            by_step.set(title="Maximum drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
             _step_ticks(by_step, steps)
             legend_above(by_step, columns=1)
 

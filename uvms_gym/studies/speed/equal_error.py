@@ -18,7 +18,7 @@ Motions = tuple[list[dict[str, Floats]], Floats, Floats]
 
 #: Motions and their duration, s: vehicle with a random initial twist, held thrusts, arm held at home by its servos.
 MOTIONS, TIME = 8, 1.0
-#: Greatest speeds at the start, m/s and rad/s.
+#: Maximum speeds at the start, m/s and rad/s.
 SPEED, SPIN = 0.5, 0.5
 #: Steps of each integrator, s, and those of the references.
 LADDERS = {"RK4": (0.01, 0.005, 0.0025, 0.00125), "Euler": (1e-3, 1e-4, 1e-5), "implicitfast": (1e-3, 1e-4, 1e-5)}

@@ -236,7 +236,7 @@ class Transition(Case):
 
 
 def difference_errors(model: Any, seed: int) -> dict[str, float]:
-    """Greatest errors of one-sided and centred differences, relative to the greatest derivative of their column.
+    """Maximum errors of one-sided and centred differences, relative to the maximum derivative of their column.
 
     The reference is Richardson's extrapolation of two wide centred differences.
     """

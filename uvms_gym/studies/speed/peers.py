@@ -61,7 +61,7 @@ def versions() -> dict[str, str]:
 
 
 def dry_difference(scene: dict[str, Any], seed: int = 0) -> dict[str, float]:
-    """Greatest relative difference of each peer's accelerations from ours, without water, over random states.
+    """Maximum relative difference of each peer's accelerations from ours, without water, over random states.
 
     Raises
     ------

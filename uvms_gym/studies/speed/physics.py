@@ -18,7 +18,7 @@ from uvms_gym.studies.speed.timing import Case, Tick, Times, calls_per_sample, i
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
 #: Relative range of the parameters of varied instances.
 VARIED = 0.1
-#: Greatest payload, kg.
+#: Maximum payload, kg.
 PAYLOAD = 0.5
 
 

@@ -11,7 +11,7 @@ from uvms_gym.studies.numerics import Floats
 
 Tick = Callable[[], None]
 
-#: Least duration of a sample, s, by repeated calls: the first one, with caches filled by the case before, is one of
+#: Minimum duration of a sample, s, by repeated calls: the first one, with caches filled by the case before, is one of
 #: several.
 SAMPLE = 3e-2
 
@@ -23,7 +23,7 @@ class Times(NamedTuple):
     cpu: Any
 
     def fair(self, threads: int) -> Any:
-        """Time that is least disturbed by other load: CPU time for one thread, else wall-clock time."""
+        """Time that is minimum disturbed by other load: CPU time for one thread, else wall-clock time."""
         return self.cpu if threads == 1 else self.wall
 
     def per(self, work: float) -> "Times":
@@ -80,14 +80,14 @@ def timed(call: Callable[[], object], calls: int) -> Times:
     return Times(time.perf_counter() - wall, time.process_time() - cpu).per(calls)
 
 
-def calls_per_sample(call: Callable[[], object], least: float = SAMPLE) -> int:
-    """Number of calls for a sample of the least duration, by the second of two calls."""
+def calls_per_sample(call: Callable[[], object], minimum: float = SAMPLE) -> int:
+    """Number of calls for a sample of the minimum duration, by the second of two calls."""
     call()
-    return max(1, round(least / max(float(timed(call, 1).wall), 1e-7)))
+    return max(1, round(minimum / max(float(timed(call, 1).wall), 1e-7)))
 
 
 def summary(samples: Floats | Sequence[float]) -> dict[str, float]:
-    """Median, quartiles and least."""
+    """Median, quartiles and minimum."""
     values = np.asarray(samples, dtype=np.float64)
     low, median, high = (float(x) for x in np.quantile(values, (0.25, 0.5, 0.75)))
-    return {"median": median, "low": low, "high": high, "least": float(values.min())}
+    return {"median": median, "low": low, "high": high, "minimum": float(values.min())}

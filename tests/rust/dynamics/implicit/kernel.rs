@@ -188,7 +188,7 @@ fn the_recursion_equals_the_dense_system() {
             assert!(difference < 1e-11, "seed {seed}, h = {h}: {difference:e}");
         }
     }
-    println!("greatest difference {worst:e}");
+    println!("maximum difference {worst:e}");
 }
 
 #[test]

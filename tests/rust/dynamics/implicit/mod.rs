@@ -24,9 +24,9 @@ fn run(scene: &Scene, integrator: &str, dt: f64, state: &State, inputs: &Inputs,
     simulator.state(0)
 }
 
-/// Greatest difference of any entry of two states; infinite where one is not a number.
+/// Maximum difference of any entry of two states; infinite where one is not a number.
 fn distance(a: &State, b: &State) -> f64 {
     let joints = a.q.iter().chain(&a.qd).zip(b.q.iter().chain(&b.qd)).map(|(x, y)| (x - y).abs());
     let vehicle = [(a.position - b.position).amax(), (a.rotation - b.rotation).amax(), (a.twist - b.twist).amax()];
-    joints.chain(vehicle).fold(0.0, |greatest, x| if x <= greatest { greatest } else { x })
+    joints.chain(vehicle).fold(0.0, |maximum, x| if x <= maximum { maximum } else { x })
 }

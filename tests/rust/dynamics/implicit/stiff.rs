@@ -116,10 +116,10 @@ fn lift_beyond_drag_is_no_engine() {
         }
         let start = State { twist: Vector6::new(1.0, -1.0, 0.5, 0.2, -0.1, 0.3), ..State::default() };
         let ends = states(&scene, "ros2", Precision::Double, &start, 300);
-        let greatest = ends.iter().map(|state| state.twist.norm()).fold(0.0, f64::max);
+        let maximum = ends.iter().map(|state| state.twist.norm()).fold(0.0, f64::max);
         let last = ends[299].twist.norm();
-        println!("lift {lift} of {stiffness}: greatest {greatest:.3}, last {last:.3e}");
-        assert!(greatest < 2.0 && last < bar, "lift {lift} of {stiffness}");
+        println!("lift {lift} of {stiffness}: maximum {maximum:.3}, last {last:.3e}");
+        assert!(maximum < 2.0 && last < bar, "lift {lift} of {stiffness}");
     }
 }
 
@@ -146,7 +146,7 @@ fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
     let end = run(scene, integrator, STEP, &start, &inputs, steps);
     let joints = (0..n).map(|k| (end.q[k] - target[k]).abs().max(end.qd[k].abs()));
     let vehicle = [(end.position - Vector3::new(0.2, -0.1, 0.1)).amax(), end.twist.amax()];
-    joints.chain(vehicle).fold(0.0, |greatest, x| if x <= greatest { greatest } else { x })
+    joints.chain(vehicle).fold(0.0, |maximum, x| if x <= maximum { maximum } else { x })
 }
 
 #[test]
