@@ -7,7 +7,7 @@ PACKAGE := $(shell find uvms_gym -type f -not -name '*.so' -not -path '*/__pycac
 
 # Installs packages; one process at a time works on the environment.
 pip = flock $(VENV) $(BIN)/python -m pip install --quiet
-# Requirements of the package with the extras $(1), without the package.
+# Requirements of the package with the extras and groups $(1), without the package.
 requirements = $(BIN)/python .ci/requirements.py $(1) | $(pip) -r /dev/stdin
 # Tests against the installed wheel, from another directory.
 installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')" \
@@ -21,7 +21,7 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 run: ## build everything, reproduce the paper, compare controllers; results in out/
-	@$(MAKE) --no-print-directory -j2 $(VENV)/wheel $(VENV)/cli
+	@$(MAKE) --no-print-directory -j2 $(VENV)/wheel $(VENV)/test
 	$(BIN)/uvms reproduce --out $(OUT)/reproduce
 	$(BIN)/uvms compare --out $(OUT)/compare
 
@@ -39,7 +39,7 @@ lint: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## rustfmt, clippy, ruff, mypy
 	$(BIN)/mypy
 	cd dist && "$(abspath $(BIN)/python)" -P -m mypy.stubtest uvms_gym._core
 
-pictures: $(VENV)/wheel $(VENV)/cli ## pictures of README.md and docs that take seconds, into .github
+pictures: $(VENV)/wheel $(VENV)/test ## pictures of README.md and docs that take seconds, into .github
 	cd .github && PATH="$(abspath $(BIN)):$$PATH" && \
 	uvms play --env UVMS-StationKeep-Storm-v0 --controller dob-delay --seconds 4.8 --seed 3 --size 480x360 --fps 10 --out storm.gif && \
 	uvms play --seconds 6 --seed 3 --size 800x600 --out station-keep.png && \
@@ -52,7 +52,7 @@ pictures: $(VENV)/wheel $(VENV)/cli ## pictures of README.md and docs that take 
 
 audit: $(VENV)/audit ## licences, sources and known vulnerabilities of dependencies; needs cargo-deny and the network
 	cargo deny --workspace --config .cargo/deny.toml check
-	$(BIN)/python .ci/requirements.py cli video human web ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
+	$(BIN)/python .ci/requirements.py cli view ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
 
 test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
 	$(installed)
@@ -69,14 +69,8 @@ test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/pyright $(VENV)/wheel test-r
 	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_fuzz.py
 	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_log_errors.py
 
-test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
-	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile -m "not nightly" \
-		tests/python/test_contract_single.py tests/python/test_contract_vector.py tests/python/test_sb3.py \
-		tests/python/test_station_keep.py tests/python/test_ee_track.py tests/python/test_examples.py \
-		tests/python/test_rollouts.py
-	mkdir -p $(OUT)
-	.venv-ray/bin/python training/ray_train.py --frames 16384 --out $(OUT)/ray.safetensors
-	.venv-ray/bin/python training/ray_evaluate.py --controller pd --controller mlp:$(OUT)/ray.safetensors --episodes 32
+test-ray: $(VENV)/test $(VENV)/learning uvms_gym/_core.abi3.so ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
+	.ci/ray
 
 # For tests of the page, which are skipped without it.
 chromium:
@@ -102,12 +96,8 @@ $(VENV)/made:
 	$(pip) 'maturin>=1.16,<2'
 	touch $@
 
-$(VENV)/cli: $(VENV)/made pyproject.toml
-	$(call requirements,cli)
-	touch $@
-
 $(VENV)/test: $(VENV)/made pyproject.toml
-	$(call requirements,test)
+	$(call requirements,cli test)
 	touch $@
 
 $(VENV)/audit: $(VENV)/made pyproject.toml
@@ -115,7 +105,7 @@ $(VENV)/audit: $(VENV)/made pyproject.toml
 	touch $@
 
 $(VENV)/docs: $(VENV)/made pyproject.toml
-	$(call requirements,docs)
+	$(call requirements,cli docs)
 	touch $@
 
 $(VENV)/zig: $(VENV)/made
@@ -137,19 +127,12 @@ dist/made: $(VENV)/made pyproject.toml .ci/licenses.py $(RUST) $(PACKAGE)
 	$(BIN)/maturin build --release --quiet --interpreter "$(abspath $(BIN)/python)" --out dist
 	touch $@
 
+# The native module also lies beside the source: Python and pytest work in this folder as well.
 $(VENV)/wheel: dist/made
 	$(pip) --force-reinstall --no-deps dist/*.whl
-	touch $@
+	$(BIN)/python -m zipfile --extract dist/*.whl dist/wheel && mv dist/wheel/uvms_gym/_core.abi3.so uvms_gym/ && rm -r dist/wheel
+	touch $@ uvms_gym/_core.abi3.so
 
 # Incremental, in a folder of its own: a change in a task's file takes a minute.
 uvms_gym/_core.abi3.so: $(VENV)/made $(RUST)
 	env -u CONDA_PREFIX CARGO_INCREMENTAL=1 CARGO_TARGET_DIR=target/incremental VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/maturin develop --release --quiet --skip-install
-
-# Ray pins Gymnasium 1.2. All that it does not bring is looked up in $(VENV), the package in this tree.
-.venv-ray/made: $(VENV)/test $(VENV)/learning uvms_gym/_core.abi3.so
-	rm -rf .venv-ray
-	$(PYTHON) -m venv .venv-ray
-	$(BIN)/python -c 'import site; print("%s\nimport site; site.addsitedir(%r)" % ("$(CURDIR)", site.getsitepackages()[0]))' \
-		>"$$(.venv-ray/bin/python -c 'import site; print(site.getsitepackages()[0])')/venv.pth"
-	.venv-ray/bin/python -m pip install --quiet 'ray[rllib]>=2.60,<3' 'gymnasium==1.2.2'
-	touch $@

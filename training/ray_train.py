@@ -1,7 +1,7 @@
 """PPO of Ray RLlib on native vector environments, and export of the policy.
 
 ```sh
-pip install 'uvms-gym[rllib]'  # in an environment of its own: Ray pins Gymnasium 1.2.2
+pip install --group ray  # with pip 25.1, in an environment of its own: Ray pins Gymnasium 1.2.2
 python training/ray_train.py --frames 3000000 --runners 4
 ```
 

@@ -23,8 +23,7 @@ except ModuleNotFoundError as error:
     if error.name != "uvms_gym._core":
         raise
     raise ModuleNotFoundError(
-        f"native module missing in {__path__[0]}: run `make run` or `pip install .` in the source tree, then start "
-        "Python outside of it",
+        f"native module missing in {__path__[0]}: run `make run` or `pip install -e .` in the source tree",
         name=error.name,
     ) from None
 

@@ -21,7 +21,7 @@ from uvms_gym import _step
 from uvms_gym._core import Simulator
 from uvms_gym._extras import extra
 
-with extra("torch"):
+with extra("train"):
     import torch
     from torch.autograd.function import once_differentiable
 

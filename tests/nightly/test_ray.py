@@ -1,4 +1,4 @@
-"""Training and evaluation on a local Ray; runs where `uvms-gym[rllib]` is installed."""
+"""Training and evaluation on a local Ray; needs the dependency group `ray`."""
 
 import contextlib
 import os

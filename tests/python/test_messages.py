@@ -114,7 +114,7 @@ def test_play_alone_is_the_view_in_a_browser(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize(
     ("module", "package", "extra"),
-    [("sb3", "stable_baselines3", "train"), ("torch", "torch", "torch"), ("jax", "jax", "jax")],
+    [("sb3", "stable_baselines3", "train"), ("torch", "torch", "train"), ("jax", "jax", "jax")],
 )
 def test_a_module_without_its_extra_says_how_to_install_it(
     module: str, package: str, extra: str, monkeypatch: pytest.MonkeyPatch

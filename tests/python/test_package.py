@@ -38,7 +38,7 @@ def test_the_check_for_heavy_modules_can_fail() -> None:
 @pytest.mark.parametrize(
     ("native", "message"),
     [
-        (None, "native module missing in {package}: run `make run` or `pip install .` in the source tree"),
+        (None, "native module missing in {package}: run `make run` or `pip install -e .` in the source tree"),
         ("import absent_library", "No module named 'absent_library'"),
     ],
 )

@@ -192,7 +192,7 @@ def test_pictures_that_cannot_be_are_refused(
 def test_a_window_without_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     # Warnings are errors here.
-    with pytest.raises(gym.error.DependencyNotInstalled, match=re.escape("pip install 'uvms-gym[human]'")):
+    with pytest.raises(gym.error.DependencyNotInstalled, match=re.escape("pip install 'uvms-gym[view]'")):
         gym.make("UVMS-StationKeep-v0", render_mode="human")
 
 

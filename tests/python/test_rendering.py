@@ -251,8 +251,8 @@ def test_a_window_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     for arguments, message in [
-        (["--out", "x.mp4"], "imageio-ffmpeg, pillow not installed; run: pip install 'uvms-gym[video]'"),
-        (["--window"], "pillow, pygame not installed; run: pip install 'uvms-gym[human,video]'"),
+        (["--out", "x.mp4"], "imageio-ffmpeg, pillow not installed; run: pip install 'uvms-gym[view]'"),
+        (["--window"], "pillow, pygame not installed; run: pip install 'uvms-gym[view]'"),
     ]:
         assert main(["play", *arguments]) == 2
         assert message in capsys.readouterr().err

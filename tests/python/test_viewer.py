@@ -198,7 +198,7 @@ def test_errors_are_one_line(arguments: list[str], message: str, capsys: pytest.
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     assert main(["play", "--web"]) == 2
-    assert "viser not installed; run: pip install 'uvms-gym[web]'" in capsys.readouterr().err
+    assert "viser not installed; run: pip install 'uvms-gym[view]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy", "remus-100"])

@@ -33,13 +33,8 @@ from uvms_gym.viewer.curves import error_curves
 
 #: Maximum duration, s.
 MOST_SECONDS = 3600.0
-#: Optional modules: package and extra of each.
-NEEDS = {
-    "PIL": ("pillow", "video"),
-    "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
-    "pygame": ("pygame", "human"),
-    "viser": ("viser", "web"),
-}
+#: Packages of the extra `view`, by module.
+NEEDS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "pygame": "pygame", "viser": "viser"}
 #: Default environments: of files and windows, and of the browser view, whose policies are shipped.
 DEFAULT, STORM = "UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"
 _SUFFIXES = (".mp4", ".gif", ".png")
@@ -199,10 +194,9 @@ def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame
 
 def _need(*modules: str) -> None:
     """Refuse to run without optional modules."""
-    missing = [NEEDS[module] for module in modules if find_spec(module) is None]
+    missing = sorted(NEEDS[module] for module in modules if find_spec(module) is None)
     if missing:
-        packages, extras = (sorted({pair[k] for pair in missing}) for k in (0, 1))
-        raise fail(f"{', '.join(packages)} not installed; run: pip install 'uvms-gym[{','.join(extras)}]'")
+        raise fail(f"{', '.join(missing)} not installed; run: pip install 'uvms-gym[view]'")
 
 
 def _make(env: str, arguments: dict[str, Any], seconds: float) -> gymnasium.Env[Any, Any]:

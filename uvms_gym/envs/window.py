@@ -1,4 +1,4 @@
-"""Window of pictures, by pygame: extra `human`."""
+"""Window of pictures, by pygame: extra `view`."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ class Window:
         try:
             import pygame
         except ImportError:
-            raise DependencyNotInstalled("pygame is not installed; run: pip install 'uvms-gym[human]'") from None
+            raise DependencyNotInstalled("pygame is not installed; run: pip install 'uvms-gym[view]'") from None
         self._pygame, self._title = pygame, title
         self._screen: Any = None
 

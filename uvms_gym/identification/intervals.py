@@ -75,7 +75,7 @@ def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     share : float
         Weight of a residual that the solution was found with.
     """
-    with extra("identification"):
+    with extra("cli"):
         from scipy.stats import t as student
 
     precision = np.diag(prior**-2.0)

@@ -1,1 +1,1 @@
-"""Browser view of an episode, by viser: extra `web`."""
+"""Browser view of an episode, by viser: extra `view`."""
