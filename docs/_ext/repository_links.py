@@ -26,7 +26,6 @@ PAGES = {
     "src/NOTATION.md": "notation",
     "tests/golden/README.md": "golden",
     "training/README.md": "training",
-    "training/README.md#ray": "training",
     "training/own_task.py": "examples",
     "training/ray_evaluate.py": "examples",
     "training/ray_train.py": "examples",
