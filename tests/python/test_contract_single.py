@@ -250,28 +250,26 @@ def test_without_a_seed_the_operating_system_gives_one(task):
     assert same(bare(task).reset(seed=env.np_random_seed)[0], first)
 
 
-def test_unknown_options_name_the_known_ones(task):
-    env = bare(task)
-    env.reset(seed=3)
-    before = env.get_state()
-    with pytest.raises(ValueError, match=r"unknown reset option 'wind'; known: .*position.*current"):
-        env.reset(options={"wind": 1.0})
-    assert same(env.get_state(), before)
-    options = {"position": [0.0, 0.0, 0.25]}
-    env.reset(options=options)
-    assert options == {"position": [0.0, 0.0, 0.25]}
-
-
-def test_options_set_state_and_current(task):
-    env = bare(task, disturbance=None)
-    half = np.sqrt(0.5)
+def test_options_set_state_target_and_current_and_stay_the_callers(task):
+    env = bare(task, disturbance=None, scene="bluerov2-heavy-alpha5")
+    half, n = np.sqrt(0.5), 4
     options = {"position": [0.3, -0.2, 0.1], "attitude": [half, 0, 0, half], "twist": [0.1, 0, 0, 0, 0, 0.1]}
-    _, info = env.reset(seed=0, options={**options, "current": [0.0, 0.2, 0.0]})
-    simulator = env.snapshot()
-    np.testing.assert_array_equal(simulator.position, [options["position"]])
+    options |= {"q": [0.1] * n, "qd": [-0.1] * n, "current": [0.0, 0.2, 0.0]}
+    options |= {"target_position": [0.3, -0.2, 0.6], "target_attitude": [half, 0, 0, half]}
+    kept = copy.deepcopy(options)
+    _, info = env.reset(seed=0, options=options)
+    assert options == kept
+    simulator, episode = env.snapshot(), env.episode
+    for name in ("position", "twist", "q", "qd"):
+        np.testing.assert_array_equal(getattr(simulator, name), [options[name]])
     np.testing.assert_allclose(simulator.quaternion, [options["attitude"]], atol=1e-15)
-    np.testing.assert_array_equal(simulator.twist, [options["twist"]])
+    np.testing.assert_array_equal(episode["current"], [options["current"]])
+    if "EETrack" not in task:  # whose reference starts at home
+        np.testing.assert_array_equal(episode["target_position"], [options["target_position"]])
     assert (info["current_x"], info["current_y"], info["current_z"]) == (0.0, 0.2, 0.0)
+    if "StationKeep" in task:
+        assert info["position_error"] == pytest.approx(0.5)
+        assert info["attitude_error"] == pytest.approx(0.0, abs=1e-7)
 
 
 # Step
@@ -328,8 +326,9 @@ def test_bad_actions_are_refused_and_change_nothing(task, name, spoil):
     env.reset(seed=0)
     env.step(other_than(0, env))
     before = env.get_state()
-    with pytest.raises(ValueError, match="action") as refused:
+    with pytest.raises(ValueError, match=r"^action") as refused:
         env.step(spoil(idle(env)))
+    assert name in ("nan", "inf", "-inf", "masked") or str(env.action_space.shape) in str(refused.value)
     # One error, not one on top of another.
     assert refused.value.__context__ is None or refused.value.__suppress_context__
     assert same(env.get_state(), before)
@@ -351,13 +350,16 @@ def test_actions_are_read_wherever_they_lie(task):
     assert all(same(result, results[0]) for result in results)
 
 
-def test_actions_beyond_the_range_are_clipped(task):
+@pytest.mark.parametrize("dtype", [np.float64, np.float16, np.int64, np.uint8])
+def test_actions_of_any_real_type_are_clipped(task, dtype):
     one, other = bare(task), bare(task)
     one.reset(seed=0)
     other.reset(seed=0)
-    wild = other_than(1, one, 4.0).astype(np.float64)
-    wild[:2] = 1e300, -1e300
-    assert same(one.step(wild), other.step(np.clip(wild, -1.0, 1.0)))
+    wild = np.abs(other_than(1, one, 4.0)).astype(dtype)
+    wild[:3] = 0, 1, 100
+    if dtype is np.float64:
+        wild[:2] = 1e300, -1e300
+    assert same(one.step(wild), other.step(np.clip(wild.astype(np.float64), -1.0, 1.0).astype(np.float32)))
 
 
 # State

@@ -102,7 +102,7 @@ def test_metadata_belongs_to_the_instance(task):
         (7, 1, {"action": "thrusters"}),
         (8, 3, {"integrator": "rk4-normalise"}),
         (9, 2, {"scene": "petasus-pum"}),
-        (64, 2, {"privileged": True}),
+        (64, 2, {"privileged": True, "action": "residual"}),
     ],
 )
 def test_native_is_a_sync_vector_of_singles(task, mode, n, threads, kwargs):
@@ -186,6 +186,14 @@ def test_seeds_are_those_of_singles(task):
     for seed in ([1, 2], [1, 2, -3], -1):
         with pytest.raises((ValueError, gym.error.Error), match="seed"):
             envs.reset(seed=seed)
+
+
+def test_reset_options_have_one_row_per_instance(task):
+    currents, position = np.diag([0.1, 0.1, 0.1]), [0.0, 0.0, 0.5]
+    envs = make(task, disturbance=None)
+    _, infos = envs.reset(seed=0, options={"current": currents, "position": position})
+    np.testing.assert_array_equal(infos["current_y"], currents[:, 1])
+    np.testing.assert_array_equal(envs.snapshot().position, [position] * 3)
 
 
 def test_without_a_seed_the_operating_system_gives_one(task):
