@@ -12,7 +12,7 @@ pub enum PlanningError {
     #[error("inputs is empty: name at least one of {}", known.join(", "))]
     NoInputs { known: Vec<&'static str> },
     /// Input that the scene does not have, or that cannot be chosen.
-    #[error("inputs: '{name}' is none of those of scene '{scene}': {}", known.join(", "))]
+    #[error("inputs: '{name}' is not an input of scene '{scene}', which has: {}", known.join(", "))]
     UnknownInput { name: String, scene: String, known: Vec<&'static str> },
     /// Array of the wrong length.
     #[error("{name} has {got} numbers, but must have {expected}")]

@@ -58,14 +58,14 @@ pub struct Shape {
     /// Open fraction of the faces across x, y, z (or of all), 0 to 0.5, the range of the published reduction of added mass.
     #[serde(deserialize_with = "numbers::axes")]
     pub perforation: [f64; 3],
-    /// Damping over that of the closed shape, per axis or for all; default: the closed fraction of the faces.
+    /// Ratio of the damping to the damping of the closed shape, per axis or for all; default: the closed fraction of the faces.
     #[serde(deserialize_with = "numbers::optional_axes")]
     pub solidity: Option<[f64; 3]>,
     /// Displaced fraction of the envelope, 0 to 1; default 1.
     pub displaced: Option<f64>,
     /// Mass, kg, homogeneous in the envelope; default: from `relative_density`.
     pub mass: Option<f64>,
-    /// Mass over that of the displaced water; default 1, unless `mass` is given.
+    /// Ratio of the mass to the mass of the displaced water; default 1, unless `mass` is given.
     pub relative_density: Option<f64>,
 }
 

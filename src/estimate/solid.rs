@@ -188,7 +188,7 @@ impl Solid {
     }
 }
 
-/// Added volume of a box with free ends in translation along an axis: that of a rectangular plate times a thickness factor,
+/// Added volume of a box with free ends in translation along an axis: the volume of a rectangular plate times a thickness factor,
 /// which is published for square and for long plates.
 fn free_box(size: Vector3<f64>, axis: usize) -> f64 {
     let [j, k] = others(axis);
@@ -204,8 +204,8 @@ fn strip(size: Vector3<f64>, axis: usize, long: usize) -> f64 {
     tables::rectangle(size[axis] / width) * PI / 4.0 * width * width
 }
 
-/// Added moment of inertia over density of a box about an axis: that of the rotating section or of translating strips along the
-/// longer side, whichever is less, as both assume an infinite box.
+/// Added moment of inertia over density of a box about an axis: from the rotating section or from translating strips along the
+/// longer side, whichever is smaller, as both assume an infinite box.
 fn turning_box(size: Vector3<f64>, axis: usize, long: usize, ends: Ends) -> f64 {
     let [j, k] = others(axis);
     let (short, wide) = sort(size[j], size[k]);

@@ -33,7 +33,7 @@ pub fn plate(short_over_long: f64) -> f64 {
     interpolate(&POINTS, short_over_long)
 }
 
-/// Added mass of a square prism along its length over that of its end, a square plate. `[DNV-H103 table A-2]`
+/// Ratio of the added mass of a square prism along its length to the added mass of its end, a square plate. `[DNV-H103 table A-2]`
 pub fn square_prism(length_over_side: f64) -> f64 {
     // Coefficient times length over side: added mass over side^3.
     const POINTS: [(f64, f64); 9] = [
@@ -50,7 +50,7 @@ pub fn square_prism(length_over_side: f64) -> f64 {
     interpolate(&POINTS, length_over_side) / POINTS[0].1
 }
 
-/// Added mass of a rectangular section over that of a plate of its width. `[DNV-H103 table A-1]`
+/// Ratio of the added mass of a rectangular section to the added mass of a plate of its width. `[DNV-H103 table A-1]`
 pub fn rectangle(thickness_over_width: f64) -> f64 {
     const POINTS: [(f64, f64); 8] =
         [(0.0, 1.0), (0.1, 1.14), (0.2, 1.21), (0.5, 1.36), (1.0, 1.51), (2.0, 1.7), (5.0, 1.98), (10.0, 2.23)];
@@ -71,7 +71,7 @@ pub fn finite_cylinder(length_over_diameter: f64) -> f64 {
     interpolate(&POINTS, 1.0 / length_over_diameter) * (length_over_diameter / 1.2).min(1.0)
 }
 
-/// Added mass of a perforated over that of a closed face, by the open fraction of its area. `[DNV-H103 section 4.6.4]`
+/// Ratio of the added mass of a perforated face to the added mass of a closed one, by the open fraction of its area. `[DNV-H103 section 4.6.4]`
 pub fn perforated(perforation: f64) -> f64 {
     let percent = 100.0 * perforation;
     if percent <= 5.0 {
@@ -94,14 +94,14 @@ pub const CUBE: f64 = 1.05;
 /// Drag coefficient of a sphere, subcritical. `[White]`
 pub const SPHERE: f64 = 0.47;
 
-/// Drag of a cylinder of finite length over that of a section of an infinite one. `[DNV-C205 table 6-2]`
+/// Ratio of the drag of a cylinder of finite length to the drag of as much of an infinite one. `[DNV-C205 table 6-2]`
 pub fn slender_cylinder(length_over_diameter: f64) -> f64 {
     const POINTS: [(f64, f64); 7] =
         [(2.0, 0.58), (5.0, 0.62), (10.0, 0.68), (20.0, 0.74), (40.0, 0.82), (50.0, 0.87), (100.0, 0.98)];
     interpolate(&POINTS, length_over_diameter)
 }
 
-/// Drag coefficient of a box's face: from that of a cube to that of a square section, by the slenderness factor of plates. `[DNV-C205
+/// Drag coefficient of a box's face, between a cube's and a square section's, by the slenderness factor of plates. `[DNV-C205
 /// table 6-2]`
 pub fn face(long_over_short: f64) -> f64 {
     const POINTS: [(f64, f64); 8] = [
@@ -117,7 +117,7 @@ pub fn face(long_over_short: f64) -> f64 {
     interpolate(&POINTS, long_over_short)
 }
 
-/// Drag coefficient of an ellipsoid by its frontal area, starting from that of a disc. `[White]`
+/// Drag coefficient of an ellipsoid by its frontal area; at no thickness, a disc's. `[White]`
 pub fn ellipsoid(length_over_width: f64) -> f64 {
     const POINTS: [(f64, f64); 6] = [(0.0, 1.17), (0.75, 0.5), (1.0, SPHERE), (2.0, 0.27), (4.0, 0.25), (8.0, 0.2)];
     interpolate(&POINTS, length_over_width)

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! Their Taylor polynomials below are accurate to rounding for `t <= pi`; small angles need fewer terms. The ad^2 and ad^4 form of
-//! dexp^-1 on SE(3) is that of `[PC05]`. With `theta = (u, w)` and `V = (v, omega)`,
+//! dexp^-1 on SE(3) follows `[PC05]`. With `theta = (u, w)` and `V = (v, omega)`,
 //! `ad^4 V = -z ad^2 V - 2 (w . u) (w x (w x omega), 0)`: so ad^4 reduces to a vector, and the coefficient of ad^2 is
 //! `A = (P - z Q) / (4 C)`, the coefficient of SO(3), `(1 - (t / 2) cot(t / 2)) / t^2`, and its derivative
 //! `A' = -Q / (4 C)`.
@@ -71,7 +71,7 @@ pub(super) const SERIES: Series = {
 const BERNOULLI: [f64; 5] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0];
 pub(super) const BERNOULLI_SLOPE: [f64; 4] = [BERNOULLI[1], 2.0 * BERNOULLI[2], 3.0 * BERNOULLI[3], 4.0 * BERNOULLI[4]];
 
-/// Squared rotation angle up to which fewer terms suffice: that of most steps.
+/// Squared rotation angle up to which fewer terms suffice, as in most steps.
 pub(super) const SMALL: f64 = 0.02;
 
 /// Polynomials of the series, with as many terms as number type and angles need. The choice is made per lane, so that other

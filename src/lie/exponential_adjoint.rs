@@ -1,5 +1,4 @@
-//! Adjoints of the exponential map and of the inverse of its differential: cotangents of their arguments from those of their
-//! results.
+//! Adjoints of the exponential map and of the inverse of its differential: cotangents of arguments from cotangents of results.
 //!
 //! Rotations have cotangents in local coordinates: `R exp([delta])` with delta in body axes. `d exp([w]) = exp([w]) [J_r dw]` with
 //! `J_r = I - C [w] + B [w]^2`, in the series of [`super::exponential`].
@@ -24,7 +23,7 @@ const B_SLOPE: [f64; TERMS] = slopes(&SERIES.b);
 const Q_SLOPE: [f64; TERMS] = slopes(&SERIES.q);
 const BERNOULLI_CURVATURE: [f64; 3] = slopes(&BERNOULLI_SLOPE);
 
-/// Cotangents of a and b from that of `ad_a b`.
+/// Cotangents of a and b from the cotangent of `ad_a b`.
 #[inline(always)]
 pub fn ad_adjoint<L: Lane>(a: Vector6<L>, b: Vector6<L>, of: Vector6<L>) -> (Vector6<L>, Vector6<L>) {
     let (p, l) = (of.linear, of.angular);
@@ -41,8 +40,8 @@ fn turned<L: Lane>(w: Vector3<L>, [s, c, b]: [L; 3], x: Vector3<L>) -> (Vector3<
     (twice.scale_add(b, once.scale_add(c, x)), twice.scale_add(c, once.scale_add(s, x)))
 }
 
-/// Cotangents of theta and of the rotation R before it from those of `T exp(theta)`: of its position, in the axes of R, where it
-/// has any, and of its rotation, in its own axes.
+/// Cotangents of theta and of the rotation R before it, from the cotangents of `T exp(theta)`: of the position, in the axes of R
+/// and if there is one, and of the rotation, in its own axes.
 #[inline(always)]
 pub fn increment_adjoint<L: Lane>(
     theta: Vector6<L>,
@@ -71,7 +70,7 @@ pub fn increment_adjoint<L: Lane>(
     (Vector6 { linear, angular }, before)
 }
 
-/// Cotangents of w and x from that of [`super::rotate_back`].
+/// Cotangents of w and x from the cotangent of [`super::rotate_back`].
 #[inline(always)]
 pub fn rotate_back_adjoint<L: Lane>(w: Vector3<L>, x: Vector3<L>, of: Vector3<L>) -> (Vector3<L>, Vector3<L>) {
     let [s, c, b] = series(w.dot(w), [&SERIES.s, &SERIES.c, &SERIES.b]);
@@ -83,7 +82,7 @@ pub fn rotate_back_adjoint<L: Lane>(w: Vector3<L>, x: Vector3<L>, of: Vector3<L>
     (of_w, of_x)
 }
 
-/// Cotangents of theta and V from that of [`super::dexp_inverse_negative`].
+/// Cotangents of theta and V from the cotangent of [`super::dexp_inverse_negative`].
 #[inline(always)]
 pub fn dexp_inverse_adjoint<L: Lane>(
     form: DexpInverse,

@@ -6,9 +6,9 @@ use super::tangent::{pose_error, pose_error_jacobian};
 use crate::lane::Dual;
 use crate::system::{EndEffector, JOINTS, State};
 
-/// Numbers of a reference beside those of the joints: position, rotation by rows, twist, end effector.
+/// Numbers of a reference, without the joints: position, rotation by rows, twist, end effector.
 const REFERENCE: usize = 21;
-/// Residuals beside those of the joints: pose error, twist, end effector.
+/// Residuals, without the joints: pose error, twist, end effector.
 const RESIDUALS: usize = 15;
 
 /// Numbers of a reference of a state: position (3), m; rotation by rows (9); q (n); twist (6); q' (n); position of the end

@@ -22,11 +22,11 @@ pub fn difference(from: &State, to: &State, joints: usize, thrusters: usize) -> 
     let linear = right_jacobian_inverse(&-angular, &from.rotation.tr_mul(&(to.position - from.position)));
     let mut all = Vec::with_capacity(12 + 2 * joints + thrusters);
     all.extend(linear.iter().chain(angular.iter()));
-    let mut less = |a: &[f64], b: &[f64]| all.extend(a.iter().zip(b).map(|(a, b)| a - b));
-    less(&to.q[..joints], &from.q[..joints]);
-    less(to.twist.as_slice(), from.twist.as_slice());
-    less(&to.qd[..joints], &from.qd[..joints]);
-    less(&to.thrust[..thrusters], &from.thrust[..thrusters]);
+    let mut difference = |a: &[f64], b: &[f64]| all.extend(a.iter().zip(b).map(|(a, b)| a - b));
+    difference(&to.q[..joints], &from.q[..joints]);
+    difference(to.twist.as_slice(), from.twist.as_slice());
+    difference(&to.qd[..joints], &from.qd[..joints]);
+    difference(&to.thrust[..thrusters], &from.thrust[..thrusters]);
     na::DVector::from_vec(all)
 }
 

@@ -107,10 +107,10 @@ impl Tracking<'_> {
             + &policy.gain * difference(&self.present.states[knot], state, joints, thrusters);
         let (w, at) = (self.width(), knot * self.width());
         let new = |k: usize| {
-            let moved = self.present.inputs[at + k] + change[k];
+            let changed = self.present.inputs[at + k] + change[k];
             // A trajectory that diverges keeps the inputs that are numbers.
-            let moved = if moved.is_finite() { moved } else { self.present.inputs[at + k] };
-            moved.clamp(self.numbers.lower[at + k], self.numbers.upper[at + k])
+            let changed = if changed.is_finite() { changed } else { self.present.inputs[at + k] };
+            changed.clamp(self.numbers.lower[at + k], self.numbers.upper[at + k])
         };
         (0..w).map(new).collect()
     }
@@ -185,10 +185,12 @@ impl Problem for Tracking<'_> {
 
     fn ranges(&self) -> Ranges {
         let w = self.width();
-        let less = |bounds: &[f64], knot: usize| {
+        let minus_present = |bounds: &[f64], knot: usize| {
             na::DVector::from_fn(w, |k, _| bounds[knot * w + k] - self.present.inputs[knot * w + k])
         };
-        (0..self.horizon()).map(|knot| [less(self.numbers.lower, knot), less(self.numbers.upper, knot)]).collect()
+        (0..self.horizon())
+            .map(|knot| [minus_present(self.numbers.lower, knot), minus_present(self.numbers.upper, knot)])
+            .collect()
     }
 
     fn search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Vec<f64> {

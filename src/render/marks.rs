@@ -86,7 +86,7 @@ fn hash(a: u32, b: u32) -> f32 {
     (x >> 8) as f32 / 16_777_216.0
 }
 
-/// Particles of limited lifetime that drift with the flow, within `reach` of the centre. `origin` is that of the world.
+/// Particles of limited lifetime that drift with the flow, within `reach` of the centre. `origin` is the world's.
 pub fn flow(mesh: &mut Mesh, current: &Vector, time: f64, origin: &Vector, reach: f32, floor: f32) {
     const COUNT: u32 = 150;
     const LIFE: f64 = 3.0;

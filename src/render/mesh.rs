@@ -89,7 +89,7 @@ impl Mesh {
                     corner(signs, axis)
                 };
                 self.polygon(&[at(-s, -1.0, k), at(s, -1.0, k), at(s, 1.0, k), at(-s, 1.0, k)], paint);
-                // Edge between this face and that of the next axis.
+                // Edge between this face and the face of the next axis.
                 for t in signs {
                     let mut quad = [at(t, -1.0, k), at(t, -1.0, u), at(t, 1.0, u), at(t, 1.0, k)];
                     if s * t < 0.0 {

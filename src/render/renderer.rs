@@ -22,7 +22,7 @@ use crate::error::RenderError;
 const MAX_PIXELS: usize = 4096;
 /// Maximum magnitude of drawn coordinates, m.
 const FAR: f64 = 1e5;
-/// Maximum radius of what the picture shows, over that of the scene.
+/// Maximum ratio of the radius of what the picture shows to the scene's radius.
 const WIDEST: f64 = 24.0;
 /// Azimuth relative to the camera and elevation of the sun, rad: to the left and high.
 const SUN: (f64, f64) = (-0.75, 1.05);
@@ -56,8 +56,8 @@ impl Settings {
             }
         }
         let within = |what, value: f64, minimum: f64, most: f64, rule| {
-            let fine = (minimum..=most).contains(&value);
-            if fine { Ok(()) } else { Err(RenderError::Setting { what, value, rule }) }
+            let accepted = (minimum..=most).contains(&value);
+            if accepted { Ok(()) } else { Err(RenderError::Setting { what, value, rule }) }
         };
         within("azimuth", self.azimuth, -100.0, 100.0, "-100 to 100 rad")?;
         within("elevation", self.elevation, -1.5, 1.5, "-1.5 to 1.5 rad")?;
@@ -155,12 +155,12 @@ impl Renderer {
         let (envelope, hull, thrusters) = hull(scene);
         let arm = ArmModel::new(scene);
         let home: Vec<f64> = scene.joints().map(|joint| joint.home).collect();
-        let mut whole = hull.clone();
+        let mut combined = hull.clone();
         if let Some(arm) = &arm {
-            arm.draw(&mut whole, &home, 0.0);
+            arm.draw(&mut combined, &home, 0.0);
         }
         let mut bounds = [envelope.middle - envelope.half, envelope.middle + envelope.half];
-        for vertex in &whole.vertices {
+        for vertex in &combined.vertices {
             bounds = [bounds[0].inf(&vertex.position), bounds[1].sup(&vertex.position)];
         }
         let middle = (bounds[0] + bounds[1]) * 0.5;
@@ -231,24 +231,24 @@ impl Renderer {
         let vehicle = place((state.position, state.rotation));
         match (state.target.and_then(place), vehicle) {
             (Some(target), Some(vehicle)) => {
-                let (apart, most) = ((vehicle - target).norm(), 0.5 * f64::from(self.reach));
-                if apart > most { vehicle + (target - vehicle) * (most / apart) } else { target }
+                let (distance, most) = ((vehicle - target).norm(), 0.5 * f64::from(self.reach));
+                if distance > most { vehicle + (target - vehicle) * (most / distance) } else { target }
             }
             (Some(at), None) | (None, Some(at)) => at,
             (None, None) => Vector3::zeros(),
         }
     }
 
-    /// Camera, its focus, and the radius of what it shows over that of the scene: vehicle, end effector's reference and dock.
+    /// Camera, its focus, and the ratio of the radius of what it shows to the radius of the scene: vehicle, end effector's reference and dock.
     fn view(&self, state: &RenderState<'_>) -> (Camera, Vector3<f64>, f64) {
         let reach = f64::from(self.reach);
         let (mut focus, mut radius) = (self.focus(state), reach);
         let mut include = |at: Vector3<f64>, own: f64| {
-            let apart = (at - focus).norm();
+            let distance = (at - focus).norm();
             // Of two balls, the smallest one about both.
-            let both = (0.5 * (radius + own + apart)).max(own).min(WIDEST * reach);
+            let both = (0.5 * (radius + own + distance)).max(own).min(WIDEST * reach);
             if self.settings.distance.is_none() && both > radius {
-                focus += (at - focus) * ((both - radius) / apart.max(1e-9)).min(1.0);
+                focus += (at - focus) * ((both - radius) / distance.max(1e-9)).min(1.0);
                 radius = both;
             }
         };

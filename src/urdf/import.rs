@@ -16,7 +16,7 @@ use crate::estimate::{Estimate, Outline};
 
 /// Natural frequency of the servos, rad/s.
 const BANDWIDTH: f64 = 3.0;
-/// Stiffness of end stops over that of servos.
+/// Ratio of the stiffness of end stops to the stiffness of servos.
 const STOP: f64 = 5.0;
 /// Speed, m/s, and rate, rad/s, at which linear damping equals quadratic damping, as in the shipped scenes.
 const SPEED: [f64; 2] = [0.1, 0.5];
@@ -30,7 +30,7 @@ pub struct Import<'a> {
     pub mount: Frame,
     /// First link of the chain; default: the only link without parent.
     pub base: Option<&'a str>,
-    /// Last link of the chain, whose frame is that of the end effector; default: the only end.
+    /// Last link of the chain; its frame is the frame of the end effector; default: the only end.
     pub tip: Option<&'a str>,
 }
 

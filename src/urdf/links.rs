@@ -75,8 +75,8 @@ impl Part {
                 (self.mass, self.center_of_mass, self.inertia) = (inertial.mass, frame.position, inertia);
             } else {
                 let total = self.mass + inertial.mass;
-                let apart = (frame.position - self.center_of_mass).cross_matrix();
-                self.inertia += inertia - apart * apart * (self.mass * inertial.mass / total);
+                let offset = (frame.position - self.center_of_mass).cross_matrix();
+                self.inertia += inertia - offset * offset * (self.mass * inertial.mass / total);
                 self.center_of_mass = (self.center_of_mass * self.mass + frame.position * inertial.mass) / total;
                 self.mass = total;
             }
