@@ -1,7 +1,6 @@
 import json
 import math
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -238,59 +237,3 @@ def test_nothing_dissipates_in_the_stripped_scene() -> None:
         patch.setattr(conservation, "conservative", lambda scene: scene)
         (drag,) = conservation.drifts(scene, settings[:1], episodes=4, seconds=2.0, seed=0)
     assert drag["energy"]["median"] > 1e-2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--scene", "no-such"], "no-such"),
-        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
-        (["--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
-        (["--step", "0"], "--step is 0.0, but must be"),
-        (["--step", "-0.01"], "--step is -0.01, but must be"),
-        (["--step", "nan"], "--step is nan, but must be"),
-        (["--step", "0.2"], "--step is 0.2, but must be"),
-        (["--step", "0.03"], "--step is 0.03, but must divide the control period of 0.1 s"),
-        (["--tolerance", "0"], "--tolerance is 0.0, but must be"),
-        (["--tolerance", "nan"], "--tolerance is nan, but must be"),
-        (["--time", "0"], "--time is 0.0, but must be"),
-        (["--time", "inf"], "--time is inf, but must be"),
-        (["--time", "1.05"], "--time is 1.05, but must be a multiple of the control period of 0.1 s"),
-        (["--episodes", "1"], "--episodes is 1, but must be"),
-        (["--seed", "-1"], "--seed is -1, but must be"),
-        (["--env", "UVMS-Nothing-v0"], "unknown environment 'UVMS-Nothing-v0'; known: UVMS-StationKeep-v0,"),
-        (["--env", "CartPole-v1"], "unknown environment 'CartPole-v1'"),
-        (["--env", "UVMS-Dock-v0", "--env", "UVMS-Dock-v0"], "env 'UVMS-Dock-v0' is given twice"),
-        (["--env", "UVMS-Dock-v0", "--dt", "0.03"], "--dt is 0.03, but must divide the control period of 0.05 s"),
-        (["--env", "UVMS-Dock-v0", "--dt", "0"], "--dt is 0.0, but must be"),
-        (["--env", "UVMS-Dock-v0", "--dt", "nan"], "--dt is nan, but must be"),
-        (["--env", "UVMS-Dock-v0", "--dtype", "float16"], "unknown dtype 'float16'; known: float64, float32"),
-        (["--env", "UVMS-Dock-v0", "--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
-        (["--env", "UVMS-Dock-v0", "--episodes", "1"], "--episodes is 1, but must be"),
-        (["--env", "UVMS-Dock-v0", "--scene", "/no/such.toml"], "/no/such.toml"),
-        (["--env", "UVMS-EETrack-v0", "--scene", "free-body"], "UVMS-EETrack-v0, free-body: "),
-        (["--env", "UVMS-Dock-v0", "--step", "0.01"], "--step is not for --env, which takes --dt"),
-        (["--env", "UVMS-Dock-v0", "--quick"], "--quick is not for --env"),
-        (["--dt", "0.01"], "--dt needs --env"),
-    ],
-)
-def test_bad_input_is_one_line_before_anything_is_made(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    assert main(["accuracy", *arguments, "--out", str(out)]) == 2
-    captured = capsys.readouterr()
-    (line,) = captured.err.splitlines()
-    assert words in line
-    assert captured.out == ""
-    assert not out.exists()
-
-
-def test_folders_and_files_that_cannot_be_written_are_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert main(["accuracy", "--out", "/proc/uvms"]) == 2
-    assert "/proc/uvms" in capsys.readouterr().err
-    (tmp_path / "accuracy.png").mkdir()
-    assert main(["accuracy", "--out", str(tmp_path)]) == 2
-    assert "accuracy.png: it is a folder" in capsys.readouterr().err

@@ -355,44 +355,6 @@ def test_missing_peers_are_one_line_that_says_what_to_install(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--scene", "no-such"], "no-such"),
-        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
-        (["--n", "0"], "--n is 0, but must be 1 to"),
-        (["--n", "-4"], "--n is -4, but must be 1 to"),
-        (["--n", "1", "--n", "many"], "'--n': 'many' is not a whole number"),
-        (["--n", "1000000000"], "--n is 1000000000, but must be"),
-        (["--threads", "0"], "--threads is 0, but must be"),
-        (["--threads", "1.5"], "'--threads': '1.5' is not a whole number"),
-        (["--substeps", "0"], "--substeps is 0, but must be"),
-        (["--dtype", "float16"], "--dtype is 'float16', but must be float64 or float32"),
-        (["--instruction-set", "sails"], 'UVMS_INSTRUCTION_SET="sails"'),
-        (["--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
-        (["--repeats", "0"], "--repeats is 0, but must be"),
-        (["--seed", "-1"], "--seed is -1, but must be"),
-        (["--scene", "free-body", "--env"], "free-body: no scene has thrusters"),
-        (["--scene", "free-body", "--sb3"], "free-body: no scene has thrusters"),
-        (["--out", __file__], "test_bench.py"),
-    ],
-)
-def test_bad_input_is_one_clear_line(
-    arguments: list[str],
-    words: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["bench", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
-    assert line.startswith("uvms: ")
-    assert words in line
-
-
 def test_a_held_vehicle_has_no_peers() -> None:
     scene = load_scene("petasus-pum")
     scene["vehicle"]["fixed"] = True

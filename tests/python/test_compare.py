@@ -338,41 +338,6 @@ def test_a_policy_that_does_not_fit_is_refused_before_computing(
     assert "own.safetensors: not a policy of uvms_gym" in message(SMALL)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--current", "nan"], "--current is nan"),
-        (["--current", "1e300"], "--current is 1e+300"),
-        (["--current", "-0.1"], "--current is -0.1"),
-        (["--episodes", "0"], "--episodes is 0"),
-        (["--episodes", "100001"], "--episodes is 100001, but must be 2 to 100000"),
-        (["--seed", "-1"], "--seed is -1"),
-        (["--env", "CartPole-v1"], "'CartPole-v1' is no environment of uvms_gym"),
-        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
-        (["--condition", "moon"], "there is no condition 'moon'; known: design, lag"),
-        (["--disturbance", "tsunami"], "there is no disturbance 'tsunami'; known: calm"),
-        (["--controller", "resolved"], "controller 'resolved' is not for UVMS-StationKeep; known: none, pd"),
-        (
-            ["--scene", SMALL, *repeated("--controller", "pd", "ppo")],
-            "no policy ppo is shipped for UVMS-StationKeep, scene blue",
-        ),
-    ],
-)
-def test_options_are_named_with_their_value(
-    arguments: list[str],
-    words: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    monkeypatch.setattr(registry, "PRETRAINED", tmp_path)
-    out = tmp_path / "out"
-    assert main(["compare", *arguments, "--out", str(out)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
-    assert not out.exists()
-
-
 # What is printed and drawn
 
 

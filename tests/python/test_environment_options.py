@@ -37,10 +37,6 @@ class Own:
     def predict(self, observation, state, episode_start, deterministic):
         assert observation.ndim == 2 and episode_start.shape == (len(observation),)
         return self.pid.predict(observation, state, episode_start)
-
-class Wide(Own):
-    def predict(self, observation, *_, **__):
-        return observation, None
 """
 
 
@@ -139,31 +135,6 @@ def test_a_policy_is_played_and_compared_with_the_flags_of_its_training(trained:
     ]
     assert main(["train", *given, "--eval-episodes", "2", "--export", "learned.safetensors", "--verbose", "0"]) == 0
     assert main(["play", *FLAGS, "--controller", "mlp:learned.safetensors", "--seconds", "0.2", "--plot", "x.png"]) == 0
-
-
-@pytest.mark.parametrize("command", ["play", "compare"])
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--env-kwargs", "substeps"], "--env-kwargs: 'substeps' is not KEY:VALUE"),
-        (["--env-kwargs", "substeps:5", "--env-kwargs", "substeps:6"], "--env-kwargs: substeps is given twice"),
-        (["--env-kwargs", "scene:rexrov", "--scene", "rexrov"], "scene is given twice: by --env-kwargs scene:rexrov"),
-        (["--env-kwargs", "wind:5"], "unexpected keyword argument 'wind'; known: scene, action"),
-        (["--env-kwargs", "substeps:0"], "substeps is 0, but must be at least 1"),
-        (["--env-kwargs", "scene:nowhere"], "nowhere"),
-        (["--env-kwargs", "scene:{}"], "scene is {}, but must be the name of a scene or of a TOML file"),
-        (["--controller", "py:own.py:Wide", *FLAGS], "shape"),
-        (["--controller", "py:own.py:Other", *FLAGS], "has no attribute 'Other'"),
-        (["--controller", "py:none.py:Own", *FLAGS], "cannot read none.py"),
-    ],
-)
-def test_wrong_ones_are_one_line(
-    trained: str, command: str, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    more = ["--plot", "x.png", "--seconds", "0.2"] if command == "play" else ["--episodes", "2", "--out", "c"]
-    assert main([command, *arguments, *more]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
 
 
 @pytest.mark.parametrize(

@@ -205,23 +205,3 @@ def test_the_command_tells_terms_costs_errors_and_what_to_do(
     assert drag["median_error_without"]["10 s"]["position"] > drag["median_error_without"]["1 s"]["position"] > 0.0
     assert main(["scenes", "explain", "free-body", "--episodes", "2"]) == 0
     assert "No term of this scene can be removed" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["no-such-scene"], "no-such-scene"),
-        (["no/such/file.toml"], "no/such/file.toml"),
-        (["rexrov", "--episodes", "0"], "--episodes is 0"),
-        (["rexrov", "--seed", "-1"], "--seed is -1"),
-        (["rexrov", "--json", "/"], "folder"),
-        (["rexrov", "--json", "/proc/uvms/explain.json"], "/proc/uvms"),
-    ],
-)
-def test_bad_input_is_one_clear_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["scenes", "explain", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
-    assert line.startswith("uvms: ")
-    assert words in line

@@ -29,7 +29,6 @@ from uvms_gym.studies.hard_cases.case import (
     methods,
 )
 from uvms_gym.studies.hard_cases.reference_solutions import Top, force_free_motion, rotation_about
-from uvms_gym.studies.hard_cases.study import select
 
 MK1 = Method("mk1", 1)
 BY_NAME = {case.name: case for case in CASES}
@@ -231,12 +230,3 @@ def test_the_report_has_every_run(tmp_path: Path) -> None:
         (m.name, d) for m in methods() for d in DTYPES
     }
     assert (tmp_path / "a/hard-cases.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-
-
-def test_an_unknown_case_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ValueError, match="no hard case has 'frobnicate' in its name; known: free spin"):
-        select(["frobnicate"])
-    assert main(["hard-cases", "--case", "frobnicate", "--out", str(tmp_path / "out")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "no hard case has 'frobnicate'" in line
-    assert not (tmp_path / "out").exists()

@@ -347,33 +347,3 @@ def test_the_command_distills_goes_on_and_improves(tmp_path: Path, capsys: pytes
     for algo in ("asymmetric-ppo", "shac"):
         assert main(command(algo, "-n", "96", "-f", str(logs), "--start", str(policy))) == 0
     assert "96 steps" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--algo", "dagger"], "dagger"),
-        (["--teacher", "pd"], "--teacher is for --algo distill"),
-        (["--algo", "distill", "--base", "pd"], "--base is for --algo ppo"),
-        (["--algo", "distill", "--start", "x.safetensors"], "--start is for --algo asymmetric-ppo or shac"),
-        (["--algo", "distill", "--device", "cpu"], "--device is for --algo ppo"),
-        (["--algo", "distill", "--teacher", "fuzzy"], "unknown controller 'fuzzy'"),
-        (["--algo", "distill", "--teacher", "resolved"], "controller 'resolved' is not for UVMS-StationKeep"),
-        (["--algo", "distill", "--teacher", "ppo"], "teacher is 'ppo', but must be mlp:FILE or classical: "),
-        (["--algo", "distill", "-params", "gama:1"], "unknown hyperparameter 'gama'"),
-        (["--algo", "distill", "-params", "n_updates:0"], "n_updates is 0"),
-        (["--algo", "distill", "-params", "net_arch:big"], "net_arch is 'big', but must be a list of layer sizes"),
-        (["--algo", "asymmetric-ppo", "-params", "replicas:3"], "replicas is 3, but must be even"),
-        (["--algo", "asymmetric-ppo", "--start", "/nonexistent.safetensors"], "/nonexistent.safetensors: No such file"),
-        (["--algo", "asymmetric-ppo", "--env-kwargs", "wind:1"], "wind"),
-        (["--algo", "shac", "--env", "UVMS-Dock-Storm-v0"], "no hyperparameters for UVMS-Dock-Storm-v0"),
-    ],
-)
-def test_bad_flags_give_one_line(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["train", "-f", str(tmp_path / "logs"), *arguments]) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.err.count("\n") == 1 and captured.err.startswith("uvms: ")
-    assert not list(tmp_path.rglob("*_1"))

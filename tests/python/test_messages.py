@@ -68,40 +68,6 @@ def test_a_positive_rate_is_explained(scene: str, unstable: bool, capsys: pytest
     assert ("unstable" in capsys.readouterr().out.split("Provenance")[0]) == unstable
 
 
-#: Arguments of commands, and what their one line says.
-WRONG: dict[str, tuple[list[str], str]] = {
-    "shape": (
-        ["scenes", "estimate", "--box", "1,2,3", "--box", "-1,2,3"],
-        "--box -1,2,3: is -1.0, but must be between",
-    ),
-    "urdf": (["scenes", "import", "own.toml"], "own.toml: is a TOML file, but must be a URDF file"),
-    "file": (["scenes", "show", "none.toml"], "none.toml: No such file or directory"),
-    "seed": (["play", "--seed", "-1"], "--seed is -1, but must be at least 0"),
-    "environment": (["play", "--env", "Foo", "--plot", "x.png"], "unknown environment 'Foo'; known: UVMS-"),
-    "compared": (["compare", "--env", "UVMS-StationKep-v0"], "unknown environment 'UVMS-StationKep-v0'; known: UVMS-"),
-    "both": (["play", "--out", "x.png", "--window"], "--out goes without --window"),
-    "fit": (
-        ["fit", "s.toml", "l", "--map", "m.toml", "--free", "x", "--out", "f.txt"],
-        "--out is 'f.txt', but must end in .toml",
-    ),
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
-def test_a_wrong_argument_is_named_as_it_was_given(
-    arguments: list[str],
-    words: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
-    assert "os error" not in line and "<dict>" not in line and " inf" not in line
-
-
 def test_play_alone_is_the_view_in_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     served: list[Any] = []
     module = sys.modules[play.__module__] if callable(play) else play

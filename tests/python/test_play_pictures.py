@@ -159,33 +159,6 @@ def test_size_and_camera_are_as_asked(tmp_path: Path, camera: str, size: str) ->
     assert (one != other).any()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--out", "x.gif", "--size", "640"], "--size is '640', but must be WIDTHxHEIGHT, such as 960x720"),
-        (
-            ["--out", "x.gif", "--size", "641x480"],
-            "--size is '641x480', but must be even numbers, 160x120 to 3840x2160",
-        ),
-        (["--out", "x.gif", "--size", "64000x480"], "160x120 to 3840x2160"),
-        (["--out", "x.mp4", "--fps", "0"], "--fps is 0.0, but must be 1 to 60"),
-        (["--out", "x.mp4", "--fps", "nan"], "--fps is nan"),
-        (["--out", "x.png", "--camera", "up"], "--camera is 'up', but must be AZIMUTH,ELEVATION or"),
-        (["--out", "x.png", "--camera", "0,90"], "elevation of --camera is 90.0, but must be -85 to 85"),
-        (["--out", "x.png", "--camera", "0,0,-1"], "distance of --camera is -1.0"),
-        (["--plot", "x.png", "--fps", "10"], "--size, --fps and --camera go with --out or --window"),
-        (["--web", "--size", "640x480"], "--web goes without"),
-    ],
-)
-def test_pictures_that_cannot_be_are_refused(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["play", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-
-
 # Windows
 
 

@@ -256,24 +256,3 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
     ]:
         assert main(["play", *arguments]) == 2
         assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--out", "x.png", "--window"], "--out goes without --window"),
-        (["--plot", "x.jpg"], "must end in .png"),
-        (["--out", "x.avi"], "must end in .mp4, .gif, .png"),
-        (["--out", "x.png", "--controller", "joystick"], "unknown controller 'joystick'; known: none, pd"),
-        (["--out", "x.png", "--controller", "mlp:no-such-file"], "cannot read no-such-file"),
-        (["--out", "x.png", "--scene", "nowhere"], "nowhere"),
-        (["--out", "x.png", "--env", "CartPole-v1"], "CartPole-v1"),
-        (["--out", "x.png", "--seconds", "-1"], "--seconds is -1.0"),
-        (["--out", "/proc/no/x.png", "--seconds", "0.1"], "cannot make the folder"),
-    ],
-)
-def test_errors_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["play", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1

@@ -159,29 +159,6 @@ def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.Capture
     assert tomllib.loads(capsys.readouterr().out)["arm"]["name"] == "Reach Alpha 5"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["estimate"], "either a file of shapes"),
-        (["estimate", "--box", "1,2"], '--box "1,2" needs 3 dimensions'),
-        (["estimate", "--box", "1,2,z"], "needs 3 dimensions"),
-        (["estimate", "--cylinder", "1,two"], "--cylinder"),
-        (["estimate", "--cylinder", "1,2@3"], "3 or 6 numbers after the @"),
-        (["estimate", "--box", "1,1,1", "--perforation", "0.9"], "--perforation: is 0.9"),
-        (["estimate", "--box", "1,1,1", "--speed", "fast"], '--speed "fast"'),
-        (["estimate", "nowhere.toml"], "nowhere.toml"),
-        (["import", "nowhere.urdf"], "nowhere.urdf"),
-        (["import", str(URDF), "--mount", "1,2"], "mount must be 6 numbers"),
-        (["import", str(URDF), "--tip", "hand"], 'no link "hand"'),
-        (["template", "--out", "/"], "exists: give another"),
-    ],
-)
-def test_wrong_arguments_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["scenes", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1
-
-
 def chain(count: int) -> str:
     """Arm whose first joint moves, with many links behind fixed joints."""
     inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'

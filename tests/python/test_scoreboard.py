@@ -34,13 +34,6 @@ class Own:
 def policy(env):
     return uvms_gym.MLP.load("policy.safetensors", env=env)
 
-
-def broken(env):
-    class Broken:
-        def predict(self, *_, **__):
-            return missing
-
-    return Broken()
 """
 
 
@@ -93,28 +86,6 @@ def test_a_submitted_result_is_computed_again(folder: Path, capsys: pytest.Captu
     lines = capsys.readouterr().out.splitlines()
     assert 'controllers["py:own.py:Own"].origin.files[0].sha256: ' in lines[0]
     assert any('controllers["py:own.py:Own"].kept.pose[0][0]: ' in line for line in lines)
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("py:own.py", "controller 'py:own.py' must be py:FILE.py:NAME"),
-        ("py:other.py:Own", "cannot read other.py: No such file or directory"),
-        ("py:own.py:Other", "AttributeError: module 'uvms_gym.studies.comparison.own.own' has no attribute 'Other'"),
-        ("py:own.py:np.array", "has no attribute 'np.array'"),
-        ("py:own.py:str", "has no attribute 'str'"),
-        ("py:own.py:broken", "own.py:24: NameError: name 'missing' is not defined"),
-        ("py:text.py:Own", "text.py:1: SyntaxError: "),
-    ],
-)
-def test_errors_of_a_file_are_one_line(
-    name: str, message: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "text.py").write_text("class")
-    assert main(["compare", "--scene", SMALL, "--episodes", "2", "--controller", name, "--out", "."]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("path", [*RESULTS, *SUBMITTED], ids=str)

@@ -245,13 +245,6 @@ def test_the_command_line_shows_modes_and_stable_steps(capsys: pytest.CaptureFix
     assert "any" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("speed", ["-1", "nan", "inf", "fast"])
-def test_the_command_line_refuses_a_speed_that_is_none(capsys: pytest.CaptureFixture[str], speed: str) -> None:
-    assert main(["scenes", "check", "rexrov", "--speed", speed]) == 2
-    error = capsys.readouterr().err
-    assert "--speed" in error and error.count("\n") == 1
-
-
 def damped() -> dict[str, Any]:
     """A body whose surge decays at 4 1/s."""
     scene = copy.deepcopy(load_scene("free-body"))

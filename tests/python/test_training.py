@@ -327,46 +327,6 @@ def test_the_command_trains_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFi
     assert MLP.load(logs / "ppo-pd" / f"{ENV}_1" / POLICY, residual=True).notes["limit"] == "0.2"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--env", "UVMS-Nothing-v0"], "UVMS-Nothing"),
-        (["--env", "CartPole-v1"], "no hyperparameters for CartPole-v1"),
-        (["-n", "0"], "--n-timesteps is 0"),
-        (["--n-envs", "0"], "n_envs is 0"),
-        (["--num-threads", "0"], "--num-threads is 0"),
-        (["--seed", "-1"], "--seed is -1"),
-        (["--residual", "0.3"], "--residual is for --base"),
-        (["--base", "fuzzy"], "unknown controller 'fuzzy'"),
-        (["--base", "pd", "--residual", "2"], "--residual is 2"),
-        (["-params", "gamma"], "'gamma' is not KEY:VALUE"),
-        (["-params", "gama:0.9"], "gama"),
-        (["-params", "policy_kwargs:dict(net"], "policy_kwargs"),
-        (["-params", "batch_size:1"], "batch_size"),
-        (["--env-kwargs", "wind:1"], "wind"),
-        (["--env-kwargs", "scene:nowhere"], "nowhere"),
-        (["--conf-file", "/nonexistent.yml"], "cannot read /nonexistent.yml"),
-        (["--conf-file", __file__], "test_training.py"),
-        (["-i", "/nonexistent"], "cannot read /nonexistent"),
-        (["-i", ".", "--seed", "1"], "--seed cannot be given with --trained-agent"),
-        (["--export", "policy.zip"], ".safetensors"),
-        (["--algo", "sac"], "sac"),
-        (["--device", "abacus"], "abacus"),
-        (["-f", "/proc/nowhere"], "cannot make the folder"),
-    ],
-)
-def test_bad_flags_give_one_line(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    logs = [] if "-f" in arguments or "-i" in arguments else ["-f", str(tmp_path / "logs")]
-    assert main(["train", *logs, *arguments]) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.err.count("\n") == 1
-    assert captured.err.startswith("uvms: ")
-    assert not list(tmp_path.rglob("*_1"))
-
-
 def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("uvms_gym.cli.train.NEEDS", {"no_such_module": "some-package"})
     assert main(["train"]) == 2

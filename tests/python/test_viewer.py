@@ -177,24 +177,6 @@ def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--port", "0"], "--port is 0, but must be 1 to 65535"),
-        (["--out", "x.png"], "--web goes without --out, --window, --size, --fps, --camera and --plot"),
-        (["--disturbance", "typhoon"], "typhoon"),
-        (["--seed", str(2**64)], "seed is 18446744073709551616, but must be 0 to 18446744073709551615"),
-        (["--controller", "joystick"], "unknown controller 'joystick'"),
-    ],
-)
-def test_errors_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("viser")
-    assert main(["play", "--web", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-
-
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     assert main(["play", "--web"]) == 2
