@@ -187,12 +187,6 @@ def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -
     assert "typer" in line
 
 
-def test_importing_the_package_imports_nothing_of_the_command_line() -> None:
-    code = "import sys, uvms_gym; print(sorted({'typer', 'rich', 'matplotlib', 'torch'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.stdout.strip() == "[]"
-
-
 def test_scenes_lists_shows_and_checks(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["scenes", "list"]) == 0
     assert "petasus-pum" in capsys.readouterr().out

@@ -5,8 +5,6 @@ import json
 import os
 import pickle
 import signal
-import subprocess
-import sys
 import threading
 import time
 import warnings
@@ -457,46 +455,6 @@ def test_forked_children_step(task):
     _, status = os.waitpid(child, 0)
     killer.cancel()
     assert os.waitstatus_to_exitcode(status) == 0
-
-
-def test_a_step_releases_the_gil_and_keeps_others_out(task):
-    # One call takes some tenths of a second.
-    envs = make(task, 64, threads=1, substeps=10_000)
-    envs.reset(seed=0)
-    started = threading.Event()
-
-    def work():
-        started.set()
-        envs.step(idle(envs))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    started.wait()
-    refused = 0
-    while thread.is_alive():
-        try:
-            envs.get_state()
-        except RuntimeError:
-            refused += 1
-    thread.join()
-    assert refused > 100
-
-
-def test_few_instances_never_enter_the_pool(task):
-    code = f"""
-import os, gymnasium, uvms_gym
-def threads(n):
-    envs = gymnasium.make_vec({task!r}, n, scene={small(task)!r}, threads=4)
-    envs.reset(seed=0)
-    envs.action_space.seed(0)
-    for _ in range(20):
-        envs.step(envs.action_space.sample())
-    return len(os.listdir("/proc/self/task"))
-before = len(os.listdir("/proc/self/task"))
-assert [threads(n) for n in (1, 2, 8)] == [before] * 3
-assert threads(4096) > before, "so the count shows nothing"
-"""
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 def test_an_interrupt_stops_a_loop_of_steps(task):

@@ -5,13 +5,17 @@ import multiprocessing
 import os
 import pickle
 import signal
+import subprocess
+import sys
 import threading
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from helpers import assert_same, moving, state_of
@@ -146,27 +150,67 @@ def test_copies_step_on_in_the_pool() -> None:
         assert_same(stepped(other), expected)
 
 
+def at_work(step: Callable[[], Any], calls: list[Callable[[], Any]]) -> Counter[str]:
+    """Errors of calls while a step runs in another thread."""
+    started, refused = threading.Event(), Counter[str]()
+
+    def work() -> None:
+        started.set()
+        step()
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    started.wait()
+    while worker.is_alive():
+        for call in calls:
+            try:
+                call()
+            except RuntimeError as error:
+                refused[str(error)] += 1
+    worker.join()
+    return refused
+
+
+def test_a_step_releases_the_gil_and_other_calls_are_refused() -> None:
+    s = simulator(threads=1)
+    calls: list[Callable[[], Any]] = [s.step, s.reset, s.mass_matrix, s.step_jacobians, s.forward_dynamics]
+    calls += [lambda: s.position, lambda: s.set_state(time=0.0), lambda: s.scale_parameters(mass=1.0)]
+    refused = at_work(lambda: s.step(substeps=500), calls)
+    assert refused.total() > 100
+    assert all("this Simulator is at work in another thread: wait for that call to end" in text for text in refused)
+
+
+@pytest.mark.parametrize("task", ["StationKeep", "EETrack", "Dock"])
+def test_a_step_of_environments_releases_the_gil_and_other_calls_are_refused(task: str) -> None:
+    # One call takes some tenths of a second.
+    envs: Any = gymnasium.make_vec(f"UVMS-{task}-v0", 64, threads=1, substeps=10_000)
+    envs.reset(seed=0)
+    assert at_work(lambda: envs.step(np.zeros(envs.action_space.shape)), [envs.get_state]).total() > 100
+
+
+POOL = """
+import os, gymnasium, uvms_gym
+def threads(task, n):
+    envs = gymnasium.make_vec(task, n, threads=4)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    for _ in range(20):
+        envs.step(0.1 * envs.action_space.sample())
+    return len(os.listdir("/proc/self/task"))
+before = len(os.listdir("/proc/self/task"))
+tasks = [name for name in gymnasium.registry if name.startswith("UVMS-")]
+assert {threads(task, n) for task in tasks for n in (1, 2, 8)} == {before}
+assert threads(tasks[0], 4096) > before, "so the count shows nothing"
+"""
+
+
+def test_few_instances_never_enter_the_pool() -> None:
+    subprocess.run([sys.executable, "-c", POOL], check=True, timeout=60)
+
+
 def test_idle_threads_take_no_time_of_the_processor() -> None:
     stepped(simulator())
     time.sleep(0.05)
     before = time.process_time()
     time.sleep(0.5)
     assert time.process_time() - before < 0.1
-
-
-def test_a_simulator_at_work_in_another_thread_says_so() -> None:
-    s, words = simulator(threads=1), "this Simulator is at work in another thread: wait for that call to end"
-    worker = threading.Thread(target=lambda: s.step(substeps=2000))
-    worker.start()
-    calls: list[Callable[[], Any]] = [s.step, s.reset, s.mass_matrix, s.step_jacobians, s.forward_dynamics]
-    calls += [lambda: s.position, lambda: s.set_state(time=0.0), lambda: s.scale_parameters(mass=1.0)]
-    refused = 0
-    while worker.is_alive():
-        for call in calls:
-            try:
-                call()
-            except RuntimeError as error:
-                assert words in str(error)
-                refused += 1
-    worker.join()
-    assert refused > 0
