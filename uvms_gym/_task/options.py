@@ -66,21 +66,20 @@ class TaskOptions:
     action : {"wrench", "thrusters", "residual"}
         Meaning of an action's entries; see the environment's action space.
     dt : float
-        Physics step, s, in (0, 1]; by default 0.01, in end-effector tracking 0.005. At 0.01 s the end effector errs by
-        1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A step
-        too large for the scene raises a
-        `uvms_gym.StepWarning`, once, at the first `step`. `uvms accuracy --env ID --scene FILE` certifies steps over an
-        environment's own episodes; the logger "uvms_gym" mentions it for scenes of your own, at level INFO.
+        Physics step, s, in (0, 1]; by default 0.01, in end-effector tracking 0.005. At 0.01 s the median error at the
+        end effector after 10 s of driven motion is 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32; `uvms accuracy`). A step
+        too large for the scene raises a `uvms_gym.StepWarning`, once, at the first `step`.
+        `uvms accuracy --env ID --scene FILE` certifies steps on an environment's own episodes.
     substeps : int
-        Physics steps per control period, 1 to 10000; by default as many as make 0.05 s. With another `dt` alone the
-        control period changes.
+        Physics steps per control period, 1 to 10000; by default a period of 0.05 s. Changing only `dt` changes the
+        control period.
     integrator : str
         Name of an integrator; see `uvms_gym.integrators`.
     dtype : {"float64", "float32"}
         Number type of the physics.
     max_current : float
-        Maximum speed of the drawn steady current, m/s, >= 0; used where `disturbance` is None. The scene's own current
-        is added.
+        Maximum speed of the drawn steady current, m/s, >= 0, if `disturbance` is None. The scene's own current is
+        added.
     start_distance : float
         Maximum initial position error, m, in [0, 10).
     start_angle : float
@@ -90,21 +89,21 @@ class TaskOptions:
     target_heading : float
         Maximum heading of a drawn target, rad, >= 0.
     disturbance : str, dict or None
-        Name of a level, or components by name; see `StationKeepEnv`. None: a steady current.
+        Name of a level, or components by name, as described for `StationKeepEnv`. None: a steady current.
     randomize : bool, float, dict or None
-        Parameters that differ from the scene's in every episode, for all bodies alike: `True` for factors of 0.7 to 1.3
-        on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`; a number for
-        another share; or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it
-        follows, so that a floating body still floats) and `payload` (kg). `False` removes the randomization of the
-        disturbance. Any other number of the scene by its key, as `"arm.links[0].joint.friction.viscous"`: a share of
-        the scene's value either way, `[minimum, maximum]`, or two lists of these for a list; drawn uniformly.
-        References, observations and rewards are those of the scene as given.
+        Parameters drawn anew in every episode, with one factor for all bodies. `True`: factors of 0.7 to 1.3 on `mass`,
+        `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number: another share than
+        0.3. A dict: shares or ranges by name, also for `volume` (in addition to the factor on mass, so that a floating
+        body still floats) and `payload` (kg), and for any other number of the scene by its key, such as
+        `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, `[minimum, maximum]`, or two lists for a
+        list. `False` removes the randomization of the disturbance. Draws are uniform. References, observations and
+        rewards use the scene as given.
     thruster_lag : float or None
-        Time constant of all thrusters, s, in [0, 10], in place of the scene's.
+        Time constant of all thrusters, s, in [0, 10], instead of the scene's.
     reward : dict or None
         Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
-        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0: errors
-        well below it count by their squares, others by their logarithms.
+        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0. The cost
+        of much smaller errors is quadratic, of much larger ones logarithmic.
     tolerance : dict or None
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.
@@ -114,11 +113,10 @@ class TaskOptions:
         Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
         `env.unwrapped.privileged_layout` describes the entries.
     error_estimate : bool or None
-        True: estimate the errors of integration since the start of the episode and add them to
-        `info["error_estimate"]`, (6,): of position (m), attitude (rad), the worst joint (rad or m), position (m) and
-        attitude (rad) of the end effector, and the maximum relative to the motion; see `Simulator.error_estimate`. Not
-        in `final_info`. Steps take up to 3.3 times as long, 5.5 times in float32. None: watch few instances for
-        warnings, as `Simulator` does; False: watch none.
+        True: estimate the integration errors since the start of the episode in `info["error_estimate"]`, (6,): of
+        position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end effector,
+        and their maximum relative to the motion (`Simulator.error_estimate`). Not in `final_info`. Steps take up to 3.3
+        times as long, 5.5 times in float32. None: estimate errors of few instances, for warnings only. False: of none.
     threads : int or None
         Maximum number of threads, >= 1; None: all. One instance never uses more than one.
     """

@@ -9,7 +9,7 @@ from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
 @dataclass(frozen=True, kw_only=True)
 class DockOptions(TaskOptions, task="dock"):
-    """Options of docking: those of `TaskOptions`, the approach, the dock's motion and the conditions of success.
+    """Options of docking: `TaskOptions`, the approach, the dock's motion and the conditions of success.
 
     The default tolerance is 0.1 m and 0.15 rad.
 
@@ -18,23 +18,23 @@ class DockOptions(TaskOptions, task="dock"):
     start_clearance : float
         Minimum initial distance from the dock, m, in [0, start_distance]; `start_distance` is the maximum.
     approach_cone : float
-        Half angle of the cone in front of the dock that starts are drawn from, rad, in [0, pi/2].
+        Half angle of the cone in front of the dock where the vehicle starts, rad, in [0, pi/2].
     arm : {"stowed", "moving"}
-        Joints stay at home, or follow references as in station keeping.
+        Joints that stay at home, or follow references as in station keeping.
     arm_amplitude : float
         Maximum amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     dock_sway : float
-        Horizontal motion of the dock, relative to the water's at its place, in [0, 1].
+        Horizontal motion of the dock, relative to the water there, in [0, 1].
     dock_heave : float
-        Vertical motion of the dock, relative to the water's at its place, in [0, 1].
+        Vertical motion of the dock, relative to the water there, in [0, 1].
     dock_tilt : float
-        Tilt of the dock, relative to the wave slope at its place, in [0, 1].
+        Tilt of the dock, relative to the wave slope there, in [0, 1].
     hold_speed : float
         Speed relative to the dock below which the vehicle counts as holding, m/s, >= 0.
     hold_time : float
         Duration within the tolerances at low relative speed until the vehicle counts as docked, s, >= 0.
     capture_distance : float
-        Distance from the dock at whose first crossing the approach speed is taken, m, >= 0.
+        Distance from the dock at which the approach speed is measured, on the first crossing, m, >= 0.
     docked_reward : float
         Reward per control period while docked, >= 0.
     speed_weight : float
@@ -61,18 +61,18 @@ class DockOptions(TaskOptions, task="dock"):
 
 
 class DockEnv(TaskEnv):
-    """Approach a dock that sways with the waves, and hold its pose at low relative speed.
+    """Approach a dock that sways with the waves, and stay in it at low relative speed.
 
     ## Description
     A free-floating vehicle with or without an arm starts 2 to 5 m in front of a dock on a moored platform. It is docked
-    once it has been within the tolerances of the docking pose, at low speed relative to the dock, for the hold time.
-    The dock moves with the orbital motion of the episode's waves, by a factor, and tilts with their slope; without
-    waves it stands still. The arm is stowed, or follows references under its servos. A steady current of random
-    strength and direction acts on the vehicle, or any disturbance. The physics is that of `uvms_gym.Simulator`.
+    once it has stayed within the tolerances of the docking pose, at low speed relative to the dock, for the hold time.
+    The dock moves with a share of the orbital motion of the waves, and tilts with their slope; without waves it does
+    not move. The arm is stowed, or follows references under its servos. A steady current of random strength and
+    direction, or any other disturbance, acts on the vehicle. The physics is `uvms_gym.Simulator`.
 
     ## Action Space
-    A `Box(-1, 1, (a,), float32)`: that of `StationKeepEnv`. With `action="residual"` it is a correction to the action
-    of `uvms_gym.DockPD` with the scene's gains. On `petasus-pum` with wrench actions:
+    The action space of `StationKeepEnv`. With `action="residual"` the action is a correction to the action of
+    `uvms_gym.DockPD` with the scene's gains. On `petasus-pum` with wrench actions:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -84,10 +84,10 @@ class DockEnv(TaskEnv):
     | 5 | yaw | -60 | 60 | N m |
 
     ## Observation Space
-    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
-    within an episode. r_d and R_d are the docking pose as of now. Velocities are relative to the dock, as the vehicle
-    measures them; the dock's own motion is not observed. With n joints there are 21 + a + 4 n entries; on `petasus-pum`
-    with wrench actions:
+    A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
+    reaches. r_d and R_d are the present docking pose. Velocities are relative to the dock, as the vehicle measures
+    them; the dock's own motion is not observed. With n joints there are 21 + a + 4 n entries; on `petasus-pum` with
+    wrench actions:
 
     | Num | Observation | Scale | Bound | Unit |
     | --- | ----------- | ----- | ----- | ---- |
@@ -108,29 +108,29 @@ class DockEnv(TaskEnv):
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v, relative thrusts u in [-1, 1] and
     actions a the reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 2 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)
-    - 0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked, less 500 where the run diverges: as much as
-    370 steps at 5 m, so ending the episode early never pays. The weights are the options `reward`, `speed_weight` and
-    `docked_reward`.
+    - 0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked. Divergence costs 500, like 370 steps at a
+    distance of 5 m, so ending the episode early never pays. The options `reward`, `speed_weight` and `docked_reward`
+    change the weights.
 
     ## Starting State
-    Vehicle at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about its -x axis, with the dock's
-    attitude up to a heading error of 0.3 rad; joints at their home. In still water the docking pose is that of the
-    drawn target (world origin, level, by default).
+    The vehicle is at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about its -x axis, with the
+    dock's attitude up to a heading error of 0.3 rad, and joints are at home. In still water the docking pose is the
+    drawn target (by default the world origin, level).
 
     ## Episode End
     Termination: the run diverges (10 m from the dock, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint), or the first
     docking with `terminate_on_success`. Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    Those of `StationKeepEnv`, except that `success` is 1 from the first docking on, and so `mean_success` and
-    `recovery_time` are those of docking; and `docked` (1 while docked), `time_to_dock` (s until the first docking; the
-    time so far before it), `approach_speed` (relative speed at the first crossing of `capture_distance`, m/s; 0 before
-    it) and `reward_docking` (the reward's terms of relative speed and of being docked).
+    The same keys as in `StationKeepEnv`; `success` is 1 from the first docking on, and `mean_success` and
+    `recovery_time` follow it. In addition `docked` (1 while docked), `time_to_dock` (s until the first docking; before
+    it the time so far), `approach_speed` (relative speed at the first crossing of `capture_distance`, m/s; 0 before it)
+    and `reward_docking` (the reward's terms for relative speed and for being docked).
 
     ## Arguments
-    `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.
-    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are
-    those of the docking pose in still water.
+    `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.
+    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
+    docking pose in still water.
 
     `UVMS-Dock-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
     `action_rate` at 0.2.

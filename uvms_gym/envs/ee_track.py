@@ -9,18 +9,18 @@ from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
 @dataclass(frozen=True, kw_only=True)
 class EETrackOptions(TaskOptions, task="ee-track"):
-    """Options of end-effector tracking: those of `TaskOptions`, and the reference.
+    """Options of end-effector tracking: `TaskOptions` and the reference.
 
     Attributes
     ----------
     reference : {"mixed", "point", "line", "circle", "figure-eight", "spline"}
         Kind of the reference path; "mixed" draws one for each episode.
     reference_size : float
-        Maximum amplitude or radius, m, in [0, 5]; 50 to 100 % of it are drawn.
+        Maximum amplitude or radius, m, in [0, 5]; an episode has 50 to 100 % of it.
     reference_speed : float
-        Maximum speed, m/s, in [0, 2]; 50 to 100 % of it are drawn.
+        Maximum speed, m/s, in [0, 2]; an episode has 50 to 100 % of it.
     reference_rotation : float
-        Maximum amplitude of turns about the vertical, rad, in [0, 0.6]; out of the horizontal less than a third of it.
+        Maximum amplitude of turns about the vertical, rad, in [0, 0.6]; about horizontal axes less than a third.
     preview : dict or None
         Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
         in [0, 10] (0.2).
@@ -39,20 +39,20 @@ class EETrackEnv(TaskEnv):
     """Follow a moving pose with the end effector of an underwater vehicle-manipulator system.
 
     ## Description
-    The end effector follows a reference pose, by thrusters and joint torques together; of the joints' servos only the
-    damping acts, as friction. The reference stays in place or moves along a line, a circle, a figure eight or a random
-    spline, and turns on the way. It starts at rest at the end effector's home pose and accelerates over 3 s; it is
-    twice continuously differentiable. A steady current of random strength and direction acts on vehicle and arm. On a
-    scene without an arm the end effector is the vehicle itself. The physics is that of `uvms_gym.Simulator`.
+    The end effector follows a reference pose, driven by thrusters and joint torques. The joints' servos are off, except
+    for their damping, which acts as friction. The reference stays in place or moves along a line, a circle, a figure
+    eight or a random spline, and turns on the way. It starts at rest at the end effector's home pose, accelerates over
+    3 s, and is twice continuously differentiable. A steady current of random strength and direction acts on vehicle and
+    arm. Without an arm the end effector is the vehicle itself. The physics is `uvms_gym.Simulator`.
 
     ## Action Space
-    A `Box(-1, 1, (a,), float32)`, held, clipped and refused as that of `StationKeepEnv`.
+    A `Box(-1, 1, (a,), float32)` under the rules of `StationKeepEnv`.
 
-    With `action="wrench"` (a = 6 + n) the first entries are a body wrench over its limits, as `StationKeepEnv` has
-    them, and the others are joint torques. A torque of 1 is the joint's effort limit or, if that is less, twice the
-    holding torque of the worst pose plus the friction at 1 rad/s plus the torque for 10 rad/s^2 (2 rad/s^2 with all
-    else held; times 0.25 m/rad if prismatic), so that light joints do not diverge within a control period. On
-    `petasus-pum`:
+    With `action="wrench"` (a = 6 + n) the first entries are a body wrench relative to its limits, as in
+    `StationKeepEnv`, and the others are joint torques. A torque of 1 is the smaller of two limits, so that light joints
+    do not diverge within a control period: the joint's effort limit; and twice the static torque of the worst pose,
+    plus the friction at 1 rad/s, plus the torque for 10 rad/s^2 (2 rad/s^2 with everything else fixed; times 0.25 m/rad
+    if prismatic). On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -68,15 +68,16 @@ class EETrackEnv(TaskEnv):
     | 9 | wrist | -21.2 | 21.2 | N m |
     | 10 | gripper | -4.326 | 4.326 | N m |
 
-    With `action="thrusters"` (a = m + n) each of the first entries is a thruster's thrust over its limit on that side,
-    in the order of the scene. With `action="residual"` (a = 6 + n) it is a correction to the action of
-    `uvms_gym.ResolvedMotion` on the same observation for `action="wrench"`, over `residual_scale` of the limits; the
+    With `action="thrusters"` (a = m + n) each of the first entries is a thrust relative to the thruster's limit in that
+    direction, in the order of the scene. With `action="residual"` (a = 6 + n) the action is a correction to the wrench
+    action of `uvms_gym.ResolvedMotion` on the same observation. An entry of 1 is `residual_scale` times the limit; the
     sum is clipped to the limits.
 
     ## Observation Space
-    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
-    within an episode. Body axes are x forward, y left, z up; end-effector axes are those of the scene. With n joints
-    and p points of preview there are 27 + a + 2 n + 6 p entries; on `petasus-pum` with wrench actions:
+    A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
+    reaches. Body axes are x forward, y left, z up; the scene defines the end effector's axes. r_e and R_e are its
+    position and rotation, r_d and R_d the reference's. With n joints and p points of preview there are
+    27 + a + 2 n + 6 p entries; on `petasus-pum` with wrench actions:
 
     | Num | Observation | Scale | Bound | Unit |
     | --- | ----------- | ----- | ----- | ---- |
@@ -97,30 +98,30 @@ class EETrackEnv(TaskEnv):
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
     [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`, less 100 where the run
-    diverges: as much as 100 steps a metre away, so ending the episode early never pays. The four weights are the
-    argument `reward`.
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Divergence costs 100
+    more, like 100 steps at a distance of a metre, so ending the episode early never pays. The option `reward` changes
+    the four weights.
 
     ## Starting State
-    Vehicle at rest up to 0.05 m and 0.05 rad from the pose with the end effector on the reference (world origin, level,
-    by default), joints at their home, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. The seed and the
-    number of the episode since that seed determine all draws and the reference.
+    The vehicle is at rest up to 0.05 m and 0.05 rad from the pose (by default the world origin, level) that has the end
+    effector on the reference. Joints are at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the
+    horizontal. The seed and the number of the episode since that seed determine all draws and the reference.
 
     ## Episode End
     Termination: the run diverges (the end effector 10 m from the reference, 10 m/s, 20 rad/s, 20 rad/s or m/s at a
     joint, or a joint beyond its observed range). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    Those of `StationKeepEnv`, but `position_error`, `attitude_error` and `pose_error` are the end effector's, as are
-    the `end_effector_...` ones, and `effort`, `power` and `saturation` are over thrusters and joints.
+    The same keys as in `StationKeepEnv`. `position_error`, `attitude_error` and `pose_error` are the end effector's,
+    like the `end_effector_...` ones, and `effort`, `power` and `saturation` include thrusters and joints.
 
     ## Arguments
-    `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.
-    The drawn target is where the vehicle would be at the start. Noise and delay of the pose error are those of the end
-    effector, the preview is off by as much, and the component `arm` of a disturbance has no effect.
+    `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`. The
+    drawn target is the vehicle's pose at the start. Noise and delay of the pose error apply to the end effector and,
+    alike, to the preview. The component `arm` of a disturbance has no effect.
 
-    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are
-    those of the vehicle where the reference starts.
+    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
+    vehicle's pose where the reference starts.
 
     `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
     `action_rate` at 0.2.

@@ -8,7 +8,7 @@ from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
 @dataclass(frozen=True, kw_only=True)
 class StationKeepOptions(TaskOptions, task="station-keep"):
-    """Options of station keeping: those of `TaskOptions`, and the arm's motion.
+    """Options of station keeping: `TaskOptions` and the arm's motion.
 
     Attributes
     ----------
@@ -20,21 +20,21 @@ class StationKeepOptions(TaskOptions, task="station-keep"):
 
 
 class StationKeepEnv(TaskEnv):
-    """Hold an underwater vehicle at a pose while its arm moves and a current pushes.
+    """Keep an underwater vehicle at a pose while its arm moves and a current pushes.
 
     ## Description
-    A free-floating vehicle with or without an arm holds a target pose by its thrusters. Two disturbances act on it: the
+    A free-floating vehicle with or without an arm keeps a target pose by its thrusters. Two disturbances act on it: the
     arm, which follows a smooth random reference under the joints' own servos, and a steady current of random strength
-    and direction. The physics is that of `uvms_gym.Simulator`: rigid bodies with full added mass, damping, weight and
-    buoyancy, integrated on SE(3).
+    and direction. The physics is `uvms_gym.Simulator`: rigid bodies with full added mass, damping, weight and buoyancy,
+    integrated on SE(3).
 
     ## Action Space
-    A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
-    clipped; an action that is not finite or has another shape is refused with a `ValueError` and changes nothing.
+    A `Box(-1, 1, (a,), float32)`, constant over the control period `dt * substeps` (0.05 s). Entries beyond the range
+    are clipped. An action that is not finite, or has another shape, raises `ValueError` and changes nothing.
 
-    With `action="wrench"` (a = 6) the entries are a body wrench over its limits: the maximum wrench of the thrusters
-    along one axis alone. Thrusters are allocated by weighted least squares, and scaled down together where one
-    would exceed its limit. On `petasus-pum`:
+    With `action="wrench"` (a = 6) the entries are a body wrench relative to its limits. The limit of an axis is the
+    maximum that the thrusters can produce along this axis by itself. Thrusts are allocated by weighted least squares,
+    and all scaled down together where one would exceed its limit. On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -45,15 +45,15 @@ class StationKeepEnv(TaskEnv):
     | 4 | pitch | -60 | 60 | N m |
     | 5 | yaw | -60 | 60 | N m |
 
-    With `action="thrusters"` each entry is a thruster's thrust over its limit on that side, in the order of the scene.
-    With `action="residual"` it is a correction to the action of the paper's PD (`uvms_gym.PD` on the same observation,
-    with the scene's gains) for `action="wrench"`, over `residual_scale` of the limits; the sum is clipped to the
-    limits.
+    With `action="thrusters"` each entry is a thrust relative to the thruster's limit in that direction, in the order of
+    the scene. With `action="residual"` the action is a correction to the wrench action of the paper's PD (`uvms_gym.PD`
+    on the same observation, with the scene's gains). An entry of 1 is `residual_scale` times the limit; the sum is
+    clipped to the limits.
 
     ## Observation Space
-    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
-    within an episode. Body axes are x forward, y left, z up. With n joints there are 24 + 4 n entries (18 + a + 4 n
-    in general); on `petasus-pum` with wrench actions:
+    A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
+    reaches. Body axes are x forward, y left, z up; r and R are the vehicle's position and rotation, r_d and R_d the
+    target's. With n joints there are 18 + a + 4 n entries; on `petasus-pum` with wrench actions:
 
     | Num | Observation | Scale | Bound | Unit |
     | --- | ----------- | ----- | ----- | ---- |
@@ -72,17 +72,17 @@ class StationKeepEnv(TaskEnv):
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts u in [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Its weights are the
-    option `reward`; the weight `diverged` adds a cost of divergence.
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. The option `reward`
+    changes the weights; its weight `diverged` adds a cost of divergence.
 
     ## Disturbances
-    Without `disturbance` there is a steady current of up to `max_current`. The option names a level: `"calm"`,
-    `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"` or `"storm"` (all together). Every level but calm
-    also exists with `"-hard"`: stronger and of other shapes, to be held out for evaluation. Or the option is a dict of
-    components, each a dict of parameters, `True` for its defaults or `None` to remove it; `base` names a level that the
-    dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Values are drawn uniformly from
-    ranges `[minimum, maximum]` (or are one number) per episode or event; shares refer to the vehicle's maximum thrust
-    along its weakest axis. `uvms disturbances` lists and plots the levels.
+    Without `disturbance` there is a steady current of up to `max_current`. The option may be the name of a level:
+    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"` or `"storm"` (all together). Every level
+    except calm also exists with `"-hard"`, stronger and with other shapes, for evaluation. The option may also be a
+    dict of components, each a dict of parameters, `True` for its defaults or `None` to remove it. Its key `base` names
+    a level that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number,
+    or a range `[minimum, maximum]` from which a value is drawn per episode or event. Shares are relative to the
+    vehicle's maximum thrust along its weakest axis. `uvms disturbances` lists and plots the levels.
 
     | Component | Meaning | Parameters |
     | --------- | ------- | ---------- |
@@ -92,7 +92,7 @@ class StationKeepEnv(TaskEnv):
     | `waves` | Airy waves, decaying with depth | `height` (m), `period` (s), `depth` (m), `trains` (1 to 3) |
     | `impulse` | pushes | `share` or `force` (N), `duration`, `pause` (s), `reach` |
     | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
-    | `payload` | mass that is held for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
+    | `payload` | mass that is carried for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
@@ -100,46 +100,50 @@ class StationKeepEnv(TaskEnv):
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
-    A payload is held at the end effector, on a vehicle without an arm at its origin.
-    Noise and delay act on the errors, velocities and joints in observations, and on the integral of the errors; rewards
-    and infos are computed from the true state. `env.unwrapped.disturbance()` forecasts the disturbance.
+    A payload is carried at the end effector, without an arm at the vehicle's origin. Noise and delay apply to the
+    errors, velocities and joints in observations, and to the integral of the errors. Rewards and infos use the true
+    state. `env.unwrapped.disturbance()` returns the coming disturbance.
 
     ## Starting State
-    Vehicle at rest up to 0.05 m and 0.05 rad from the target (world origin, level, by default), joints at their home,
-    arm reference at rest there too, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. The seed and the
-    number of the episode since that seed determine all draws.
+    The vehicle is at rest up to 0.05 m and 0.05 rad from the target (by default the world origin, level), joints and
+    arm reference are at rest at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the horizontal. The seed
+    and the number of the episode since that seed determine all draws.
 
     ## Episode End
     Termination: the run diverges (10 m from the target, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint).
     Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad), their pose error
-    `pose_error` (m), and both errors of the end effector relative to its pose by target and arm reference; `effort`
-    (mean of u^2), `power` (mean of |u|^1.5) and `saturation` of the thrusters; `action_rate` (mean squared change of
-    the action); root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
-    `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`,
-    `reward_diverged`. Only these depend on the reward's weights. `success` is 1 where both errors are within
-    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last,
-    departure from `tolerance`, s (the approach at an episode's start counts as one). `diverged` is 1 where the run has
-    diverged, else 0. Over the last period, `disturbance_force` is the force of pushes, tether and script (N), `payload`
-    the held mass (kg), and `thruster_gain` the remaining share of the weakest thruster's thrust.
+    `reset` and `step` return the same float keys:
+
+    - `position_error` (m), `attitude_error` (rad), the combined `pose_error` (m), and both errors of the end effector
+      relative to its pose by target and arm reference;
+    - `effort` (mean of u^2), `power` (mean of |u|^1.5) and `saturation` of the thrusters, and `action_rate` (mean
+      squared change of the action);
+    - root mean squares `rms_...` and means `mean_...` over the episode's steps so far;
+    - `current_x`, `current_y`, `current_z` (m/s, world), and over the last period `disturbance_force`, the force of
+      pushes, tether and script (N), `payload`, the carried mass (kg), and `thruster_gain`, the remaining share of the
+      weakest thruster's thrust;
+    - the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`;
+    - `success`, 1 where both errors are within `tolerance`, else 0, and its mean `mean_success`; `recovery_time`, the
+      duration of the current or last departure from `tolerance`, s (the approach at the start counts as one); and
+      `diverged`, 1 where the run has diverged, else 0.
 
     ## Arguments
     `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"` or
     `"human"`. Pictures are drawn in Rust.
 
-    `reset(options=...)` sets parts of the start, which are drawn otherwise: `position` (3), `attitude` (quaternion
+    `reset(options=...)` sets parts of the start, which are otherwise drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
-    the scene's own included). SI units. `disturbance` replaces the disturbance for that episode, with components that
-    the environment was made with and the same `delay`; parameters stay those of `randomize`, if it was given. The
-    vector environment also takes a list of one per instance.
+    including the scene's own), in SI units. `disturbance` replaces the disturbance for that episode. It may only have
+    components that the environment was made with, and must have the same `delay`; `randomize` keeps its effect. A
+    vector environment also accepts a list with one disturbance per instance.
 
-    `UVMS-StationKeep-Storm-v0` is this task as controllers are compared in it. It differs from
-    `disturbance="storm"` alone: `thruster_lag=0.1`; `substeps=10`, so a control period of 0.1 s, which is also the
-    sensors' delay; 200 steps; and reward weights `effort` 0.05 and `action_rate` 0.8, for commands about as calm as a
-    PD's. `UVMS-StationKeep-Wide-v0` is the same with `disturbance="storm-wide"`: the vehicle, its thrusters and the
-    sensors' delay differ widely from episode to episode.
+    `UVMS-StationKeep-Storm-v0` is the version in which controllers are compared. It has `disturbance="storm"`,
+    `thruster_lag=0.1`, 200 steps with `substeps=10`, so a control period of 0.1 s, which is also the sensor delay, and
+    the reward weights `effort` 0.05 and `action_rate` 0.8, for commands about as calm as a PD's.
+    `UVMS-StationKeep-Wide-v0` has `disturbance="storm-wide"` instead: vehicle, thrusters and sensor delay differ widely
+    from episode to episode.
 
     ```python
     >>> import gymnasium, uvms_gym
