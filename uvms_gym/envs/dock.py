@@ -107,8 +107,8 @@ class DockEnv(TaskEnv):
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v, relative thrusts u in [-1, 1] and
-    actions a the reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 2 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)
-    - 0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked. Divergence costs 500, like 370 steps at a
+    actions a the reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 2 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2) -
+    0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked. Divergence costs 500, like 370 steps at a
     distance of 5 m, so ending the episode early never pays. The options `reward`, `speed_weight` and `docked_reward`
     change the weights.
 
