@@ -13,7 +13,7 @@ NAME = "uvms/station-keep/pd-v0"
 
 
 def main(episodes: int = 50, max_episode_steps: int = 400) -> minari.MinariDataset:
-    """Collect episodes of the PD in the storm, write the data set, and return it as read again."""
+    """Collect episodes of the PD in the storm, write the data set, and return it as read back."""
     env = minari.DataCollector(
         gymnasium.make(
             "UVMS-StationKeep-v0", disturbance="storm", max_episode_steps=max_episode_steps

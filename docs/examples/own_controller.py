@@ -1,4 +1,4 @@
-"""A controller of one's own beside a shipped one, on the same seeds.
+"""A controller of your own compared with a shipped one, on the same seeds.
 
 The law is a PD with saturated error, `F = -kp sat(e) - kd V`: far off it approaches at a bounded
 speed. It reads the observation alone, by `env.unwrapped.layout`.

@@ -1,4 +1,4 @@
-"""A scene of one's own as a dict: a box with six thrusters and a two-joint arm, from shapes.
+"""A scene of your own as a dict: a box with six thrusters and a two-joint arm, made from shapes.
 
 `uvms_gym.estimate` derives mass, inertia, buoyancy, added mass and drag; `uvms scenes template`
 lists every key there is.
@@ -29,7 +29,7 @@ def link(name: str, z: float, home: float) -> dict[str, Any]:
 
 
 def scene() -> dict[str, Any]:
-    """The scene; what it does not state is not modelled."""
+    """Scene as a dict; only what it states is modelled."""
     box = {"box": [0.6, 0.5, 0.4], "perforation": 0.3, "displaced": 0.5}
     vehicle = uvms_gym.estimate({"shapes": [box]})["body"]
     # A righting moment: buoyancy above weight.

@@ -16,7 +16,7 @@ ENV = "UVMS-StationKeep-v0"
 
 def main(frames: int = 1_000_000, n_envs: int = 64, episodes: int = 64) -> float:
     """Train, evaluate on held-out seeds, and return the mean return."""
-    torch.set_num_threads(1)  # the simulator has the others
+    torch.set_num_threads(1)  # the simulator uses the others
     venv = make_vec_env(ENV, n_envs=n_envs, seed=0)
     model = PPO(
         "MlpPolicy", venv, n_steps=64, batch_size=1024, gamma=0.95, seed=0, device="cpu"

@@ -13,7 +13,7 @@ from torch import nn
 
 import uvms_gym  # noqa: F401 (registers the environments)
 
-#: What is kept of every step.
+#: Quantities stored for every step.
 ROWS = "observation", "action", "log_prob", "value", "reward", "terminated", "ended", "valid"
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from uvms_gym import Simulator, Trajectory, optimize_trajectory
 
 OFFSET = [0.15, 0.1, -0.1]  # of the target from the end effector, m
-PERIOD, PERIODS = 0.1, 20  # s, over which inputs are held
+PERIOD, PERIODS = 0.1, 20  # s; inputs are constant over a period
 
 
 def plan(arm_weight: float) -> tuple[Trajectory, np.ndarray]:
-    """Trajectory of minimum cost, and its target; `arm_weight` is that of the joints' deviation."""
+    """Trajectory of minimum cost, and its target; `arm_weight` weighs the joints' deviation."""
     sim = Simulator("petasus-pum", dt=0.02)
     target = sim.end_effector_pose()[0, :3, 3] + OFFSET
     trajectory = optimize_trajectory(

@@ -7,7 +7,7 @@ from uvms_gym.torch import state, step
 
 
 def main(iterations: int = 60, num_envs: int = 4, periods: int = 10) -> list[float]:
-    """Descend by Adam over control periods of 0.1 s; the cost of each iteration."""
+    """Descend by Adam over control periods of 0.1 s and return the cost of each iteration."""
     sim = Simulator("bluerov2-heavy", num_envs, dt=0.02)
     start = state(sim)
     speeds = torch.linspace(0.1, 0.4, num_envs)[:, None]  # m/s
