@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+import socket
 import sys
 import types
 from collections.abc import Iterator
@@ -241,6 +242,13 @@ def disturbances(task: str) -> list[str]:
 def option_names(options: type[TaskOptions]) -> list[str]:
     """Names of the fields of options."""
     return [field.name for field in fields(options)]
+
+
+def free_port() -> int:
+    """Port of this machine that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def fake_moviepy(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, tuple[int, ...], float]]:

@@ -20,7 +20,7 @@ pytest.importorskip("viser")
 
 import viser
 from browser import Browser, Tab, browser, chromium
-from viewer_guest import free_port
+from helpers import free_port
 
 pytestmark = [
     pytest.mark.nightly,

@@ -402,15 +402,8 @@ def test_rendering_without_a_mode_warns(task):
         assert env.render() is None
 
 
-def pictures(task, **kwargs):
-    """An environment that draws."""
-    if "rgb_array" not in bare(task).metadata["render_modes"]:
-        pytest.skip("there is no renderer")
-    return make(task, render_mode="rgb_array", **kwargs)
-
-
 def test_pictures_are_those_of_the_state(task):
-    env = pictures(task)
+    env = make(task, render_mode="rgb_array")
     env.reset(seed=0)
     frame = env.render()
     assert frame.dtype == np.uint8
@@ -418,7 +411,7 @@ def test_pictures_are_those_of_the_state(task):
     assert same(env.render(), frame)
     env.unwrapped.render()[:] = 0
     assert same(env.render(), frame)
-    other = pictures(task)
+    other = make(task, render_mode="rgb_array")
     other.reset(seed=0)
     assert same(other.render(), frame)
     for _ in range(10):
@@ -462,7 +455,7 @@ def test_a_time_limit_may_be_added(task):
 
 
 def test_videos_are_recorded(task, tmp_path, monkeypatch):
-    env = pictures(task, max_episode_steps=4)
+    env = make(task, render_mode="rgb_array", max_episode_steps=4)
     clips = fake_moviepy(monkeypatch)
     env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: episode == 0)
     env.reset(seed=0)
@@ -473,7 +466,7 @@ def test_videos_are_recorded(task, tmp_path, monkeypatch):
 
 
 def test_human_rendering_shows_the_pictures(task, monkeypatch):
-    env = pictures(task)
+    env = make(task, render_mode="rgb_array")
     # A window there is not everywhere.
     pygame = mock.MagicMock()
     monkeypatch.setitem(sys.modules, "pygame", pygame)

@@ -7,7 +7,6 @@ import math
 import re
 import shlex
 import shutil
-import socket
 import sys
 import warnings
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from helpers import fake_moviepy
+from helpers import fake_moviepy, free_port
 
 import uvms_gym
 from uvms_gym.cli import main
@@ -166,9 +165,7 @@ def port_of_short_viewers(monkeypatch: pytest.MonkeyPatch) -> int:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(server.Viewer, "run", run)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+    return free_port()
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -16,7 +16,6 @@ from uvms_gym import MLP
 from uvms_gym.cli import main
 from uvms_gym.cli.app import app
 from uvms_gym.cli.common import environment_arguments
-from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import make_conditions
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.scoreboard import ENVS, RULE, read_entries
@@ -41,11 +40,9 @@ class Own:
 
 
 @pytest.fixture
-def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A policy of that environment, and a controller in Python, in the working folder; no pictures of comparisons."""
+def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_pictures: None) -> str:
+    """A policy of that environment, and a controller in Python, in the working folder."""
     monkeypatch.chdir(tmp_path)
-    for name in [name for name in vars(plots) if name.startswith("plot_")]:
-        monkeypatch.setattr(plots, name, lambda *given: None)
     notes = {"environment": ENV, "env_kwargs": json.dumps(OWN)}
     MLP(scene=SMALL, substeps=10, notes=notes, **layers((24, 6))).save(tmp_path / "policy.safetensors")
     (tmp_path / "own.py").write_text(PYTHON)

@@ -52,13 +52,6 @@ def weights(path: Path) -> bytes:
     return data[8 + int.from_bytes(data[:8], "little") :]
 
 
-@pytest.fixture(autouse=True)
-def keep_threads() -> Any:
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
 @pytest.mark.parametrize("algo", ALGORITHMS)
 @pytest.mark.parametrize("env", [env for env in gymnasium.registry if env.startswith("UVMS-")])
 def test_every_environment_has_hyperparameters_that_make_a_learner(algo: str, env: str) -> None:

@@ -2,15 +2,12 @@
 
 import copy
 import pickle
-import sys
-import types
-from typing import ClassVar
 
 import cloudpickle
 import gymnasium as gym
 import numpy as np
 import pytest
-from helpers import LEAVING, SMALL, policies, same
+from helpers import LEAVING, SMALL, fake_moviepy, policies, same
 
 pytest.importorskip("stable_baselines3")
 
@@ -378,28 +375,8 @@ def test_a_monitor_writes_its_file(tmp_path):
     assert "rms_position_error" in text
 
 
-class Drawing(gym.vector.VectorWrapper):
-    """Gives pictures whatever is beneath."""
-
-    render_mode = "rgb_array"
-    metadata: ClassVar = {
-        "render_modes": ["rgb_array"],
-        "render_fps": 20.0,
-        "autoreset_mode": gym.vector.AutoresetMode.SAME_STEP,
-    }
-
-    def render(self):
-        return tuple(np.full((48, 64, 3), 10 * i, dtype=np.uint8) for i in range(self.num_envs))
-
-
-def drawing():
-    if "rgb_array" in gym.make(ENV).metadata["render_modes"]:
-        return native(4, 5, seed=0, render_mode="rgb_array")
-    return NativeVecEnv(Drawing(gym.make_vec(ENV, 4, scene=SMALL, autoreset_mode="SameStep", max_episode_steps=5)))
-
-
 def test_pictures_of_all_are_tiled():
-    venv = drawing()
+    venv = native(4, 5, seed=0, render_mode="rgb_array")
     venv.reset()
     images = venv.get_images()
     height, width, _ = images[0].shape
@@ -411,23 +388,12 @@ def test_pictures_of_all_are_tiled():
 
 
 def test_videos_are_recorded(tmp_path, monkeypatch):
-    clips = []
-
-    class Clip:
-        def __init__(self, frames, fps):
-            clips.append((len(frames), fps))
-
-        def write_videofile(self, path):
-            clips.append(path)
-
-    # What it writes with is no concern of ours, and not small.
-    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
-    for name in names:
-        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
-    sys.modules[names[-1]].ImageSequenceClip = Clip
-    venv = VecVideoRecorder(drawing(), str(tmp_path), lambda step: step == 0, video_length=3)
+    clips = fake_moviepy(monkeypatch)
+    venv = VecVideoRecorder(
+        native(4, 5, seed=0, render_mode="rgb_array"), str(tmp_path), lambda step: step == 0, video_length=3
+    )
     venv.reset()
     for _ in range(5):
         venv.step(np.zeros((4, 6)))
     venv.close()
-    assert clips == [(4, 20.0), str(tmp_path / "rl-video-step-0-to-step-3.mp4")]
+    assert clips == [(4, (960, 1280, 3), 20.0)]

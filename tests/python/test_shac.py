@@ -34,13 +34,6 @@ FAR = {"start_distance": 0.2, "start_angle": 0.3, "reward": REWARD}
 CHANGE = 1e-2
 
 
-@pytest.fixture(autouse=True)
-def keep_threads() -> Any:
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
 class Case:
     """Episodes under a random policy with noise, and their returns with a value at the end."""
 

@@ -10,7 +10,6 @@ from helpers import SMALL, policy
 from uvms_gym.cli import common, main
 from uvms_gym.cli.output import table
 from uvms_gym.studies.accuracy.study import Criterion
-from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import make_conditions
 from uvms_gym.studies.comparison.summary import short_names
 
@@ -46,10 +45,8 @@ def test_criteria_of_accuracy_leave_their_numbers_whole(printed: pytest.CaptureF
 
 
 def test_compare_names_policies_shortly_and_tells_their_files(
-    printed: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    printed: pytest.CaptureFixture[str], no_pictures: None, tmp_path: Path
 ) -> None:
-    for name in [name for name in vars(plots) if name.startswith("plot_")]:
-        monkeypatch.setattr(plots, name, lambda *given: None)
     files = [tmp_path / "out/train/asymmetric-ppo" / f"UVMS-StationKeep-v0_{k}" / "policy.safetensors" for k in (1, 2)]
     for file in files:
         file.parent.mkdir(parents=True)

@@ -63,13 +63,6 @@ def assert_equal(one: Path, other: Path) -> None:
         assert torch.equal(first[name], second[name]), name
 
 
-@pytest.fixture(autouse=True)
-def keep_threads() -> Any:
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
 @pytest.mark.parametrize("env", [env for env in gymnasium.registry if env.startswith("UVMS-")])
 @pytest.mark.parametrize("residual", [False, True])
 def test_every_environment_has_hyperparameters_that_make_a_model(env: str, residual: bool) -> None:

@@ -159,7 +159,10 @@ def test_a_warm_start_at_the_optimum_stays_there() -> None:
         ({"horizon": 0}, "horizon must be at least 1, not 0"),
         ({"substeps": 0}, "substeps must be at least 1, not 0"),
         ({"input_weights": {}}, "inputs is empty: name at least one of thrust, wrench"),
-        ({"input_weights": {"fin": 1.0}}, "inputs: 'fin' is not an input of scene 'bluerov2-heavy', which has: thrust, wrench"),
+        (
+            {"input_weights": {"fin": 1.0}},
+            "inputs: 'fin' is not an input of scene 'bluerov2-heavy', which has: thrust, wrench",
+        ),
         (
             {"input_weights": {"thrust": 0.0}},
             "input weights of problem 0, knot 0, entry 0, is 0, but must be finite and",

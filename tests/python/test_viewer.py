@@ -5,13 +5,13 @@ import socket
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from helpers import free_port
 
 import uvms_gym
 from uvms_gym.cli import main
@@ -19,12 +19,6 @@ from uvms_gym.cli import play as module
 from uvms_gym.viewer.episode import Conditions, LiveEpisode
 
 STORM = "UVMS-StationKeep-Storm-v0"
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def live(env: str = STORM, controller: str = "pd", **options: Any) -> LiveEpisode:
@@ -79,16 +73,6 @@ def test_a_reset_repeats_the_episode() -> None:
         ends.append(episode.after.poses)
         episode.reset()
     np.testing.assert_array_equal(*ends)
-
-
-@pytest.fixture
-def viewer() -> Iterator[Any]:
-    pytest.importorskip("viser")
-    from uvms_gym.viewer.server import Viewer
-
-    shown = Viewer(live(), "title", free_port())
-    yield shown
-    shown.close()
 
 
 def listening(port: int) -> set[str]:

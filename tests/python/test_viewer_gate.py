@@ -5,7 +5,7 @@ import random
 import socket
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,23 +16,13 @@ viser = pytest.importorskip("viser")
 
 import msgspec  # noqa: E402
 import websockets  # noqa: E402
-from viewer_guest import CAMERA, Guest, free_port, open_viewer, present  # noqa: E402
+from helpers import free_port  # noqa: E402
+from viewer_guest import CAMERA, Guest  # noqa: E402
 
 from uvms_gym.controllers import registry  # noqa: E402
 from uvms_gym.viewer.episode import MOST_SEED  # noqa: E402
 from uvms_gym.viewer.page import REST  # noqa: E402
 from uvms_gym.viewer.server import Viewer  # noqa: E402
-
-
-@pytest.fixture
-def viewer() -> Iterator[Any]:
-    with open_viewer() as shown:
-        yield shown
-
-
-@pytest.fixture
-def guest(viewer: Any) -> Guest:
-    return present(viewer)
 
 
 def test_a_page_of_another_origin_does_not_connect(viewer: Viewer) -> None:

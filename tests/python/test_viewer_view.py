@@ -1,6 +1,5 @@
 """Curves and camera of the page of `uvms play --web`."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,20 +7,9 @@ import pytest
 
 pytest.importorskip("viser")
 
-from viewer_guest import Guest, open_viewer, present
+from viewer_guest import Guest, present
 
 from uvms_gym.viewer.page import SPAN
-
-
-@pytest.fixture
-def viewer() -> Iterator[Any]:
-    with open_viewer() as shown:
-        yield shown
-
-
-@pytest.fixture
-def guest(viewer: Any) -> Guest:
-    return present(viewer)
 
 
 def test_a_later_browser_has_all_of_the_curves(guest: Guest) -> None:

@@ -1,7 +1,6 @@
 """Client of `uvms play --web` that speaks the page's protocol, for tests."""
 
 import contextlib
-import socket
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,6 +10,7 @@ import msgspec
 import numpy as np
 import viser
 import zstandard
+from helpers import free_port
 from websockets.sync.client import connect
 
 from uvms_gym.viewer.episode import LiveEpisode
@@ -108,12 +108,6 @@ class Guest:
         """Text of the next notice."""
         before = len(self.notices())
         return str(self.until(lambda: self.notices()[before:])[0])
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextlib.contextmanager
