@@ -27,8 +27,7 @@ def test_a_block_of_the_readme_runs_by_itself(block: str) -> None:
 
 def test_the_commands_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tests").symlink_to(ROOT / "tests")
-    (tmp_path / "out").mkdir()
-    monkeypatch.chdir(tmp_path / "out")
+    monkeypatch.chdir(tmp_path)
     (block,) = re.findall(r"^```sh\n(uvms .*?)^```", TEXT, re.MULTILINE | re.DOTALL)
     commands = [shlex.split(line, comments=True)[1:] for line in block.replace("\\\n", " ").splitlines()]
     assert [command[:2] for command in commands] == [["scenes", "import"], ["scenes", "check"], ["compare", "--env"]]
