@@ -182,7 +182,7 @@ class Registered(MarkdownDirective):
             steps = spec.max_episode_steps
             given = ", ".join(f"`{key}={value!r}`" for key, value in spec.kwargs.items())
             rows.append((f"`{name}`", f"{period:g} s", f"{steps} ({steps * period:g} s)", given))
-        return table(("Environment", "Control period", "Steps", "Arguments of its own"), rows)
+        return table(("Environment", "Control period", "Steps", "Arguments"), rows)
 
 
 def _skip_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
