@@ -1,9 +1,10 @@
 #!/bin/sh
 # Tune and train all that is shipped: hours on two cores. Stopped searches and runs resume, finished gains and policies stay.
-#     pip install 'uvms-gym[cli,train]'; sh training/all.sh [FOLDER of the package's pretrained/]
+#     pip install 'uvms-gym[cli,train]'; sh training/all.sh [FOLDER of the package's pretrained/ [FOLDER of further policies]]
 set -eu
 to=${1:-$(python -c "from uvms_gym.controllers.registry import PRETRAINED; print(PRETRAINED)")}
 here=$(dirname "$0")
+more=${2:-$here/policies}
 
 # tune NAME ENVIRONMENT [OPTION...]
 tune() {
@@ -27,16 +28,25 @@ run() {
     uvms train --export "$file" "$@"
 }
 
-# policy NAME SEED ENVIRONMENT [OPTION...]
+# file NAME SEED: of a policy, without suffix
+file() {
+    echo "$1-$2" | tr / -
+}
+
+# policy NAME SEED ENVIRONMENT [OPTION...]: the package has training seed 0 of the rivals
 policy() {
-    shipped=$to/${3%-*-v0}/petasus-pum/0.1s/$1-$2.safetensors env=$3 seed=$2
+    case $1:$2 in
+        ppo:0 | shac:0 | shac-distilled:0 | shac-distilled/calm:0 | */wide:0 | residual*:0) folder=$to ;;
+        *) folder=$more ;;
+    esac
+    made=$folder/${3%-*-v0}/petasus-pum/0.1s/$(file "$1" "$2").safetensors env=$3 seed=$2
     shift 3
-    run "$shipped" "$env" --seed "$seed" "$@"
+    run "$made" "$env" --seed "$seed" "$@"
 }
 
 # distilled NAME SEED TEACHER HISTORY STEPS EFFORT RATE: the teacher's imitation, improved under prices of effort and variation
 distilled() {
-    start=out/train/$1-$2-start.safetensors stack=frame_stack:$4
+    start=out/train/$(file "$1" "$2")-start.safetensors stack=frame_stack:$4
     run "$start" "$keep" --algo distill --teacher "$3" -n 800000 -params "$stack" --seed "$2"
     policy "$1" "$2" "$keep" --algo shac --start "$start" -n "$5" -params "$stack" \
         --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':$6,'action_rate':$7}"
@@ -52,25 +62,25 @@ scratch() {
 }
 
 mkdir -p out/train
-for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-free computed-torque mpc mpc-free dob-informed; do
+for name in pd pid pd-restoring dob/plain dob dob/still dob/calm dob/medium dob/free computed-torque mpc mpc/free dob/informed; do
     tune $name UVMS-StationKeep-Storm-v0
 done
 # Plans take time: fewer episodes.
 tune nmpc UVMS-StationKeep-Storm-v0 --generations 10 --population 12 --episodes 16 --finals 128
-tune dob-wide UVMS-StationKeep-Wide-v0
+tune dob/wide UVMS-StationKeep-Wide-v0
 tune dob-adaptive UVMS-StationKeep-Wide-v0
-for name in resolved resolved-pid resolved-dob resolved-dob-still resolved-dob-calm resolved-dob-medium resolved-dob-free; do
+for name in resolved resolved-pid resolved-dob resolved-dob/still resolved-dob/calm resolved-dob/medium resolved-dob/free; do
     tune $name UVMS-EETrack-Storm-v0
 done
-tune resolved-informed UVMS-EETrack-Storm-v0
-tune resolved-wide UVMS-EETrack-Wide-v0
+tune resolved-dob/informed UVMS-EETrack-Storm-v0
+tune resolved-dob/wide UVMS-EETrack-Wide-v0
 tune resolved-adaptive UVMS-EETrack-Wide-v0
 
 keep=UVMS-StationKeep-Storm-v0 track=UVMS-EETrack-Storm-v0
 for seed in 0 1 2 3 4; do
-    distilled shac-distilled $seed dob-delay 8 3000000 0.28 0.023
-    distilled shac-distilled-medium $seed dob-medium 8 3000000 0.6 0.07
-    distilled shac-distilled-calm $seed dob-calm 16 6000000 1.12 0.54
+    distilled shac-distilled $seed dob 8 3000000 0.28 0.023
+    distilled shac-distilled/medium $seed dob/medium 8 3000000 0.6 0.07
+    distilled shac-distilled/calm $seed dob/calm 16 6000000 1.12 0.54
     scratch ppo $seed $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
     scratch ppo $seed $track 0.2 0.3 -n 5000000 -params frame_stack:6
 done
@@ -78,7 +88,7 @@ wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
     start=out/train/shac-distilled-wide-$seed-start.safetensors
     run "$start" $wide --algo distill --teacher dob-adaptive -n 2400000 --seed $seed
-    policy shac-distilled-wide $seed $wide --algo shac --start "$start" --n-envs 256 -n 6000000 \
+    policy shac-distilled/wide $seed $wide --algo shac --start "$start" --n-envs 256 -n 6000000 \
         --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':0.11,'action_rate':0.05}"
 done
 # Tracking of vehicles known poorly, from a policy for the storm; great errors and costly episodes count for more at last.
@@ -87,7 +97,7 @@ for seed in 0 1 2 3 4; do
     run "$start" $track --algo shac --seed $seed
     wide=out/train/shac-wide-$seed-wide.safetensors
     run "$wide" UVMS-EETrack-Wide-v0 --algo shac --start "$start" --seed $seed
-    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -n 12000000 \
+    policy shac/wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -n 12000000 \
         -params n_steps:200 -params change:0.02 -params priority:1.0 \
         --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.085,'action_rate':0.13}"
 done
@@ -96,31 +106,31 @@ done
 while read -r name effort rate; do
     scratch $name 0 $keep $effort $rate -n 6000000 -params frame_stack:8 -params log_std:-1.5
 done <<END
-ppo-still 0.6 1.0
-ppo-calm 0.4 0.4
-ppo-quick 0.1 0.03
-ppo-free 0.02 0.003
+ppo/still 0.6 1.0
+ppo/calm 0.4 0.4
+ppo/quick 0.1 0.03
+ppo/free 0.02 0.003
 END
 while read -r name effort rate; do
     scratch $name 0 $track $effort $rate -n 5000000 -params frame_stack:6
 done <<END
-ppo-still 0.4 1.5
-ppo-calm 0.3 0.8
-ppo-quick 0.1 0.1
-ppo-free 0.02 0.01
+ppo/still 0.4 1.5
+ppo/calm 0.3 0.8
+ppo/quick 0.1 0.1
+ppo/free 0.02 0.01
 END
 while read -r name effort rate; do
     policy $name 0 $track --algo shac --env-kwargs "reward:{'effort':$effort,'action_rate':$rate}"
 done <<END
-shac-still 0.2 1.5
-shac-calm 0.1 0.6
+shac/still 0.2 1.5
+shac/calm 0.1 0.6
 shac 0.05 0.2
-shac-quick 0.02 0.06
-shac-free 0.005 0.01
+shac/quick 0.02 0.06
+shac/free 0.005 0.01
 END
-distilled shac-distilled-still 0 dob-still 16 6000000 2.0 1.5
-distilled shac-distilled-free 0 dob-free 8 3000000 0.03 0.002
+distilled shac-distilled/still 0 dob/still 16 6000000 2.0 1.5
+distilled shac-distilled/free 0 dob/free 8 3000000 0.03 0.002
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
-policy ppo-pd 0 $keep --base pd -n 3000000
-policy ppo-dob 0 $keep --base dob-delay
-policy ppo-resolved-dob 0 $track --base resolved-dob -n 3000000 --env-kwargs dt:0.01 --env-kwargs substeps:10
+policy residual/pd 0 $keep --base pd -n 3000000
+policy residual 0 $keep --base dob
+policy residual/resolved-dob 0 $track --base resolved-dob -n 3000000 --env-kwargs dt:0.01 --env-kwargs substeps:10

@@ -5,15 +5,11 @@ from typing import NamedTuple
 
 from search import Space
 
+from uvms_gym.controllers.families import names
+
 #: Names of a parameter's entries, by their number.
 NAMES = {2: ("linear", "angular"), 3: ("linear", "angular", "joints"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}
 Groups = tuple[tuple[int, ...], ...]
-#: Controllers with observers: variants of one class.
-_DOBS = ("dob-delay", "dob-still", "dob-calm", "dob-medium", "dob-free", "dob-wide", "dob-informed")
-_RESOLVED = (
-    *("resolved-dob", "resolved-dob-still", "resolved-dob-calm", "resolved-dob-medium", "resolved-dob-free"),
-    *("resolved-wide", "resolved-informed"),
-)
 #: Axes of the vehicle that share a factor.
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
 EACH: Groups = tuple((axis,) for axis in range(6))
@@ -76,19 +72,19 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
             observer._replace(groups=three),
         ),
     }
-    return {
+    found = {
         "pd": pd,
         "pd-restoring": pd,
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
-        "dob": (*pd, observer, *expected),
-        **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
+        "dob/plain": (*pd, observer, *expected),
+        "dob": (*pd, observer, *expected, horizon),
         "dob-adaptive": (*pd, observer, *expected, horizon, schedule, factors, innovation, memory),
         "computed-torque": (*pd, observer, *expected, horizon),
-        **dict.fromkeys(("mpc", "mpc-free"), (*weights, observer, *expected)),
+        "mpc": (*weights, observer, *expected),
         "nmpc": nmpc.get(task, ()),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
-        **dict.fromkeys(_RESOLVED, resolved_dob),
+        "resolved-dob": resolved_dob,
         "resolved-adaptive": (
             *resolved_dob,
             schedule._replace(low=0.01, high=3.0),
@@ -97,6 +93,9 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
             memory,
         ),
     }
+    # All settings of a family, where they have no entry of their own.
+    known = {name: found.get(name, found.get(name.partition("/")[0], ())) for name in names(task, learned=False)}
+    return {name: sought for name, sought in known.items() if sought}
 
 
 def space_of(sought: Sequence[Parameter]) -> Space:

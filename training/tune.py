@@ -10,7 +10,8 @@ The objective is the pose error of the comparison. CMA-ES (`pycma`) searches in 
 candidates of a generation run the same episodes; every generation has new ones, none of them of the comparison. The
 finalists run on fresh episodes, and the best is written to the package's `gains.json` with a record of the search. The
 base (PD in station keeping) is tuned for its errors alone; the others start from its gains, where they have the same,
-or from those in `STARTS`, with a penalty for effort beyond `LIMIT` times the base's in the same episodes.
+or from those in `STARTS`, with a penalty for effort and variation beyond the setting's limits, which are
+multiples of the base's in the same episodes.
 
 In the storm the score of 64 episodes has a standard deviation of 4 %, but the difference between neighbours on the same
 episodes has 1.2 %, and 0.3 % with the 1024 episodes of finalists.
@@ -42,7 +43,8 @@ from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.registry import BASELINE, CLASSICAL, PRETRAINED, check_name, folder, is_bound
+from uvms_gym.controllers.families import BASELINE, CONTROLLERS, Limits, canonical, is_bound
+from uvms_gym.controllers.registry import PRETRAINED, place
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
@@ -52,43 +54,16 @@ Floats = NDArray[np.float64]
 
 #: Seeds of the episodes: below are those of the comparison, above those of evaluations in training.
 SEEDS = range(1_000_000, 2_000_000)
-#: Maximum effort, over the tuned base's on the same episodes, but where `LIMITS` has another.
-LIMIT = 1.1
 #: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
 STEPS = {"station-keep": 0.025, "ee-track": 0.01}
 
 #: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults, by the others' task
 #: and name.
 STARTS = {
-    ("station-keep", "mpc-free"): "mpc",
+    ("station-keep", "mpc/free"): "mpc",
     ("station-keep", "nmpc"): "mpc",
     ("ee-track", "nmpc"): "resolved",
-    ("ee-track", "resolved-adaptive"): "resolved-wide",
-}
-
-
-class Limits(NamedTuple):
-    """Maximum effort and variation of commands; None: no limit."""
-
-    effort: float | None = None
-    variation: float | None = None
-
-
-#: Limits of controllers along the frontier, over the tuned base's on the same episodes.
-LIMITS = {
-    "dob-still": Limits(LIMIT, 0.6),
-    "dob-calm": Limits(LIMIT, 1.2),
-    "dob-medium": Limits(LIMIT, 2.4),
-    "dob-free": Limits(),
-    "dob-informed": Limits(),
-    "mpc": Limits(LIMIT, 4.8),
-    "mpc-free": Limits(),
-    "nmpc": Limits(LIMIT, 4.8),
-    "resolved-dob-still": Limits(LIMIT, 1.0),
-    "resolved-dob-calm": Limits(LIMIT, 1.5),
-    "resolved-dob-medium": Limits(LIMIT, 2.2),
-    "resolved-dob-free": Limits(),
-    "resolved-informed": Limits(),
+    ("ee-track", "resolved-adaptive"): "resolved-dob/wide",
 }
 
 
@@ -136,14 +111,13 @@ class Tuner:
     limiting: Controller | None = None
 
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
-        self._arena, self._entry, self._sought = arena, CLASSICAL[name], sought
-        self._over_base = LIMITS.get(name, Limits(LIMIT))
+        self._arena, self._entry, self._sought = arena, CONTROLLERS[name], sought
         own = self.controller({})
         self._own = {p.name: np.asarray(own.gains[p.name], dtype=np.float64) for p in sought}
 
     def controller(self, gains: dict[str, Any]) -> Controller:
         """Make the controller with given gains."""
-        return self._entry.kind(self._arena.batch(1), **{**self._entry.gains, **gains})
+        return self._entry.make(gains, self._arena.batch(1))
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""
@@ -179,7 +153,7 @@ class Tuner:
         """Limits in these episodes; none for the base itself."""
         if self.limiting is None:
             return Limits()
-        base, over = self._arena.score(self.limiting, seed, episodes), self._over_base
+        base, over = self._arena.score(self.limiting, seed, episodes), self._entry.setting.limits
         return Limits(over.effort and over.effort * base.effort, over.variation and over.variation * base.variation)
 
 
@@ -302,25 +276,27 @@ def main(
     budget = Budget(generations, population, episodes, finals)
     if generations * episodes + finals > len(SEEDS):
         raise fail(f"--generations times --episodes is {generations * episodes}, but must be below {len(SEEDS)}")
+    with user_errors():
+        controller = [canonical(name) for name in controller]
     bounds = {is_bound(name) for name in controller}
     if len(bounds) > 1:
         raise fail("bounds are tuned in a run of their own")
     arena = _arena(env, scene, period, threads, informed=True in bounds)
     batch = arena.batch(1)
-    task, place = batch.unwrapped.task, folder(batch).relative_to(PRETRAINED)
+    task, where = batch.unwrapped.task, place(batch)
     known = parameters(EACH if axes == "each" else ALIKE, task)
     for name in controller:
         with user_errors():
-            check_name(name, task)
+            canonical(name, task=task)
         if name not in known:
             raise fail(f"{name} has no gains to tune")
-    prepare(policies / place, work / place / "any.json")
-    file, base = policies / place / "gains.json", BASELINE[task]
+    prepare(policies / where, work / where / "any.json")
+    file, base = policies / where / "gains.json", BASELINE[task]
     if file.exists():
         # Before the search, which would end without a place for its gains.
         with user_errors(f"{file}: "):
             json.loads(file.read_text())
-    where = circumstances("tune", {})
+    made = circumstances("tune", {})
     for name in controller:
         ours = Tuner(arena, name, known[name])
         gains, start = None, None
@@ -334,8 +310,8 @@ def main(
         settings = {
             "env": env,
             "scene": arena.options["scene"],
-            "period": place.name,
-            "controller": [name, CLASSICAL[name].gains, known[name]],
+            "period": where.name,
+            "controller": [name, CONTROLLERS[name].setting.gains, known[name]],
             "budget": budget,
             "seed": seed,
             "base": gains,
@@ -348,7 +324,7 @@ def main(
                 budget,
                 start=start,
                 seed=seed,
-                checkpoint=work / place / f"{name}.json",
+                checkpoint=work / where / f"{name.replace('/', '-')}.json",
                 settings=settings,
                 tick=partial(bar.update, bar.add_task(name, total=generations), advance=1),
             )
@@ -357,7 +333,7 @@ def main(
             "axes": axes,
             "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
             "optimizer": f"CMA-ES (cma {cma.__version__})",
-            **{key: where[key] for key in ("uvms_gym", "commit", "python", "numpy", "gymnasium", "machine")},
+            **{key: made[key] for key in ("uvms_gym", "commit", "python", "numpy", "gymnasium", "machine")},
         }
         store(file, name, gains, record)
         _tell(name, gains, record)

@@ -6,9 +6,9 @@ from typing import Any
 from made_markdown import MarkdownDirective, table
 from sphinx.application import Sphinx
 
-from uvms_gym.controllers.registry import PRETRAINED, is_bound
+from uvms_gym.controllers.families import is_bound, is_learned
+from uvms_gym.controllers.registry import PRETRAINED
 from uvms_gym.studies.comparison.scoreboard import read_entries
-from uvms_gym.studies.comparison.summary import is_learned
 
 SUBMITTED = Path(__file__).parents[1] / "scoreboard"
 

@@ -100,10 +100,10 @@ REFUSED = [
     ("compare --scene rexrov --scene rexrov", "scene 'rexrov' is given twice"),
     ("compare --controller none --controller magic", "'magic'"),
     ("compare --controller pd --controller pd", "pd"),
-    ("compare --controller resolved", "controller 'resolved' is not for UVMS-StationKeep; known: none, pd"),
+    ("compare --controller resolved", "controller 'resolved' is not for UVMS-StationKeep; for it: none, pd"),
     (
         f"compare --scene {SMALL} --controller pd --controller ppo",
-        f"no policy ppo is shipped for UVMS-StationKeep, scene {SMALL}",
+        f"no policy ppo is there for UVMS-StationKeep, scene {SMALL}",
     ),
     ("compare --condition moon", "there is no condition 'moon'; known: design, lag"),
     ("compare --disturbance tsunami", "there is no disturbance 'tsunami'; known: calm"),

@@ -18,6 +18,7 @@ from uvms_gym import MLP
 from uvms_gym._files import lock
 from uvms_gym.cli import compare_report, main
 from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import names
 from uvms_gym.studies.comparison import conditions, contenders, plots, study, summary
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import Estimate, interquartile_mean
@@ -57,7 +58,7 @@ def compared(out: Path, *arguments: str) -> dict[str, Any]:
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with two policies for the small scene at 0.1 s."""
-    monkeypatch.setattr(registry, "PRETRAINED", tmp_path / "policies")
+    monkeypatch.setattr(registry, "FOLDERS", [tmp_path / "policies"])
     folder = tmp_path / "policies" / "UVMS-StationKeep" / SMALL / "0.1s"
     folder.mkdir(parents=True)
     for seed in (0, 1):
@@ -249,12 +250,12 @@ def test_conditions_are_what_they_say() -> None:
 def test_informed_controllers_bound_the_others_in_the_same_episodes(
     shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = ["--scene", SMALL, "--episodes", "8", *repeated("--controller", "pd", "dob-delay", "dob-informed")]
+    given = ["--scene", SMALL, "--episodes", "8", *repeated("--controller", "pd", "dob", "dob/informed")]
     data = compared(tmp_path, *given, "--frontier")
     (result,) = data["results"]
     errors = {name: entry["metrics"]["pose"]["whole"]["iqm"] for name, entry in result["controllers"].items()}
-    assert errors["dob-informed"]["value"] < errors["dob-delay"]["value"]
-    assert result["winner"] == "dob-delay" and "dob-informed" not in result["against"]
+    assert errors["dob/informed"]["value"] < errors["dob"]["value"]
+    assert result["winner"] == "dob" and "dob/informed" not in result["against"]
     assert (tmp_path / "frontier.png").stat().st_size > 10_000
     out = capsys.readouterr().out
     assert "of the gap" in out and "100 %" in out
@@ -262,9 +263,9 @@ def test_informed_controllers_bound_the_others_in_the_same_episodes(
     envs = gymnasium.make_vec(
         STORM, num_envs=8, scene=SMALL, disturbance={"base": "storm", "noise": None, "delay": None}
     )
-    controller = registry.make_controller("dob-informed", envs)
+    controller = registry.make_controller("dob/informed", envs)
     stats = run_episodes(envs, controller, 0, 200)
-    assert result["controllers"]["dob-informed"]["kept"]["pose"][0] == pytest.approx(pose_rms(stats).tolist())
+    assert result["controllers"]["dob/informed"]["kept"]["pose"][0] == pytest.approx(pose_rms(stats).tolist())
 
 
 def test_conditions_are_compared_side_by_side(
@@ -277,7 +278,7 @@ def test_conditions_are_compared_side_by_side(
     files = design["controllers"]["ppo"]["origin"]["files"]
     assert [file["name"] for file in files] == ["ppo-0.safetensors", "ppo-1.safetensors"]
     assert files[0]["notes"] == {"steps": "7"} and len(files[0]["sha256"]) == 64
-    assert fast["missing"]["ppo"] == design["missing"]["ppo-dob"] == "no policy"
+    assert fast["missing"]["ppo"] == design["missing"]["residual"] == "no policy"
     assert "ppo" not in fast["controllers"] and "ppo" in calm["controllers"]
     assert np.load(tmp_path / "scores.npz")[f"{STORM}, {SMALL}, calm/ppo/pose/whole"].shape == (2, 4)
     printed = capsys.readouterr().out
@@ -352,7 +353,7 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
 
 
 def test_controllers_are_told_apart_by_colours() -> None:
-    colours = plots.colours([*registry.names("station-keep")])
+    colours = plots.colours([*names("station-keep")])
     assert len(set(colours.values())) == len(colours)
 
 

@@ -126,7 +126,7 @@ def test_names_along_the_frontier_are_apart(drawn: Any) -> None:
 def test_bars_of_calm_water_have_short_ticks(drawn: Any, scale: float) -> None:
     (controllers,) = comparison.stored_panels(STORED[:1]).values()
     chosen = {}
-    for name in ("pd", "dob-delay", "ppo"):
+    for name in ("pd", "dob", "ppo"):
         metrics: dict[str, Any] = {}
         for metric, parts in controllers[name]["metrics"].items():
             factor = scale if metric == "variation" else 1.0
@@ -151,7 +151,7 @@ def test_an_episode_is_drawn_with_its_legends_aside(drawn: Any, names: list[str]
     calm = dict.fromkeys([*info, *(curve.entry for curve in CURVES)], 0.0)
     actions = [None, *rng.uniform(-1.0, 1.0, (len(TIME) - 1, len(names)))]
     instants = [Instant(t, calm | {"payload": 1.0 + 0.1 * t}, action) for t, action in zip(TIME, actions, strict=True)]
-    plot_episode(Path("x.png"), "a scene  ·  shac-distilled-medium, storm-wide", names, CURVES, instants)
+    plot_episode(Path("x.png"), "a scene  ·  shac-distilled/medium, storm-wide", names, CURVES, instants)
 
 
 def test_disturbances_name_their_axes(drawn: Any) -> None:

@@ -17,9 +17,10 @@ import yaml
 
 from uvms_gym import MLP
 from uvms_gym.cli import main
+from uvms_gym.controllers.families import TEACHERS
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.training.asymmetric_ppo import AsymmetricPPO
-from uvms_gym.training.distillation import TEACHERS, Distillation
+from uvms_gym.training.distillation import Distillation
 from uvms_gym.training.episodes import TrainingEnvs
 from uvms_gym.training.evaluation import evaluate
 from uvms_gym.training.export import TOLERANCE
@@ -204,7 +205,7 @@ def test_a_distilled_policy_is_nearly_its_teacher(tmp_path: Path) -> None:
     kwargs = {"max_episode_steps": 100, "disturbance": "current"}
     outcome = train(Settings(ENV, found, kwargs, algo="distill", eval_episodes=64), tmp_path)
     env = gymnasium.make(ENV, **kwargs)
-    teacher = evaluate(ENV, kwargs, make_controller("dob-delay", env), 64)["pose"]
+    teacher = evaluate(ENV, kwargs, make_controller("dob", env), 64)["pose"]
     nothing = evaluate(ENV, kwargs, make_controller("none", env), 64)["pose"]
     # Seen: 1.4 times the teacher's error, which is a fiftieth of that without control.
     assert outcome.evaluation["pose"] < teacher + 0.1 * (nothing - teacher)
@@ -267,9 +268,9 @@ def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp
     policy = MLP.load(outcome.policy, learner.envs.env)
     expected = learner.actor(episodes.inputs[:, 5]).detach().clamp(-1.0, 1.0).numpy()
     assert np.abs(policy.predict(now.numpy(), past.numpy())[0] - expected).max() <= TOLERANCE
-    assert policy.notes["teacher"] == "dob-delay"
+    assert policy.notes["teacher"] == "dob"
     text = (tmp_path / "distilled" / "README.md").read_text()
-    assert "# Distillation: UVMS-StationKeep on petasus-pum" in text and "from dob-delay with perfect sensors" in text
+    assert "# Distillation: UVMS-StationKeep on petasus-pum" in text and "from dob with perfect sensors" in text
     begun = AsymmetricPPO(settings("asymmetric-ppo", start=str(outcome.policy)))
     np.testing.assert_allclose(
         begun.actor(episodes.inputs).detach(), learner.actor(episodes.inputs).detach(), atol=2e-6

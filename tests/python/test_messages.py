@@ -14,7 +14,7 @@ import pytest
 import uvms_gym
 from uvms_gym.cli import fit as fit_command
 from uvms_gym.cli import main, play
-from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import CONTROLLERS, TASKS, names
 from uvms_gym.envs import StationKeepEnv
 
 REFUSED: dict[str, Any] = {
@@ -38,17 +38,18 @@ def test_a_refused_option_is_one_line_with_its_key_once(options: dict[str, Any])
     assert Counter(re.findall(r"\w+(?=: )", message))[key] == 1 and f"in `{key}`" not in message
 
 
-@pytest.mark.parametrize("name", [name for name, entry in registry.CLASSICAL.items() if len(entry.tasks) < 3])
+@pytest.mark.parametrize("name", [name for name in names(learned=False) if len(CONTROLLERS[name].tasks) < 3])
 def test_a_controller_of_another_task_names_itself_the_task_and_the_controllers_for_it(name: str) -> None:
-    kind, tasks = registry.CLASSICAL[name].kind, registry.CLASSICAL[name].tasks
-    other = next(task for task in registry.TASKS if task not in tasks)
-    env = gymnasium.make(f"{registry.TASKS[other]}-v0")
+    kind, tasks = CONTROLLERS[name].kind, CONTROLLERS[name].tasks
+    assert kind is not None
+    other = next(task for task in TASKS if task not in tasks)
+    env = gymnasium.make(f"{TASKS[other]}-v0")
     with pytest.raises(ValueError) as caught:
         kind(env)
     message = str(caught.value)
-    own = " and ".join(registry.TASKS[task] for task in tasks)
-    assert message.startswith(f"{kind.__name__} is for {own}, not for {registry.TASKS[other]}; controllers of ")
-    fit = {entry.kind.__name__ for entry in registry.CLASSICAL.values() if other in entry.tasks}
+    own = " and ".join(TASKS[task] for task in tasks)
+    assert message.startswith(f"{kind.__name__} is for {own}, not for {TASKS[other]}; controllers of ")
+    fit = {CONTROLLERS[name].kind.__name__ for name in names(other, learned=False)}
     assert set(message.rpartition(": ")[2].split(", ")) == fit
 
 

@@ -77,7 +77,7 @@ def test_gains_are_checked_and_survive_pickling(task: str) -> None:
 def test_a_dock_is_refused() -> None:
     with pytest.raises(ValueError, match="not for UVMS-Dock; controllers of UVMS-Dock: NoControl, DockPD"):
         NMPC(gym.make("UVMS-Dock-v0"))
-    assert {"station-keep", "ee-track"} == set(uvms_gym.controllers.registry.CLASSICAL["nmpc"].tasks)
+    assert {"station-keep", "ee-track"} == set(uvms_gym.controllers.families.CONTROLLERS["nmpc"].tasks)
 
 
 @pytest.mark.parametrize("task", TASKS)

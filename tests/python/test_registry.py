@@ -16,7 +16,8 @@ from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
 from uvms_gym.cli import main
 from uvms_gym.controllers import NoControl, registry
 from uvms_gym.controllers.base import ClassicalController
-from uvms_gym.controllers.registry import Unavailable, available, make_controller, names, seeds
+from uvms_gym.controllers.families import CONTROLLERS, FAMILIES, TASKS, canonical, is_learned, names, split
+from uvms_gym.controllers.registry import Unavailable, available, make_controller, policies_in, seeds
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.training.evaluation import run_episodes
 
@@ -37,13 +38,14 @@ def network(seed: int = 0, **arguments: Any) -> MLP:
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of policies for the small scene: two seeds of ppo, one of corrections, tuned gains of PD."""
     monkeypatch.setattr(registry, "PRETRAINED", tmp_path)
+    monkeypatch.setattr(registry, "FOLDERS", [tmp_path])
     folder = tmp_path / "UVMS-StationKeep" / SMALL / "0.1s"
     folder.mkdir(parents=True)
     for seed in (0, 3):
         network(seed).save(folder / f"ppo-{seed}.safetensors")
     # It was trained on the PD with other gains than those tuned since.
     notes = {"base": "pd", "base_gains": json.dumps({"kp": KD, "kd": KD}), "limit": "0.2"}
-    network(5, residual=True, notes=notes).save(folder / "ppo-pd-1.safetensors")
+    network(5, residual=True, notes=notes).save(folder / "residual-pd-1.safetensors")
     tuned = {"pd": {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}}
     (folder / "gains.json").write_text(json.dumps(tuned))
     return folder
@@ -75,13 +77,13 @@ def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
     env = gymnasium.make(STORM, scene=SMALL)
     rows = observations(20)
     assert seeds("ppo", env) == (0, 3)
-    assert seeds("ppo-pd", env) == (1,)
-    assert seeds("pd", env) == seeds("ppo-dob", env) == ()
+    assert seeds("residual/pd", env) == (1,)
+    assert seeds("pd", env) == seeds("residual", env) == ()
     for seed in (0, 3):
         np.testing.assert_array_equal(
             make_controller("ppo", env, seed=seed).predict(rows)[0], network(seed).predict(rows)[0]
         )
-    corrected = make_controller("ppo-pd", env, seed=1)
+    corrected = make_controller("residual", "pd", env, seed=1)
     expected = Residual(PD(env, kp=KD, kd=KD), network(5, residual=True), 0.2)
     np.testing.assert_array_equal(corrected.predict(rows)[0], expected.predict(rows)[0])
     file = shipped / "ppo-3.safetensors"
@@ -89,27 +91,85 @@ def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
 
 
 def test_what_is_available_is_what_there_is_all_for(shipped: Path) -> None:
-    classical = [name for name in names("station-keep") if name in registry.CLASSICAL]
-    assert list(available(**OPTIONS)) == [*classical, "ppo", "ppo-pd"]
+    classical = [*names("station-keep", learned=False)]
+    assert list(available(**OPTIONS)) == [*classical, "ppo", "residual/pd"]
     assert list(available(scene=SMALL)) == classical
     assert list(available(**OPTIONS, action="thrusters")) == classical
-    assert set(names()) == set(registry.NAMES) > set(names("ee-track")) > {"none", "resolved", "ppo"}
+    assert set(names()) > set(names("ee-track")) > {"none", "resolved", "ppo"}
 
 
 def test_an_unknown_controller_is_told_the_known_ones_of_its_task() -> None:
     line = message("magic")
-    assert "unknown controller 'magic'; known: none, pd" in line and "mlp:FILE" in line and "resolved" not in line
-    assert "controller 'pd' is not for UVMS-EETrack; known: none, resolved" in message("pd", task="ee-track")
+    assert "unknown controller 'magic'; known: none, pd" in line and "resolved" not in line
+    assert "controller 'pd' is not for UVMS-EETrack; for it: none, nmpc, resolved" in message("pd", task="ee-track")
+
+
+def test_a_controller_is_a_family_and_a_setting() -> None:
+    for name, entry in CONTROLLERS.items():
+        family, setting = split(name)
+        assert FAMILIES[family] is entry.family and FAMILIES[family].settings[setting] is entry.setting
+        assert canonical(family, setting) == canonical(f"{family}/{setting}") == canonical(name) == name
+        assert entry.tasks and is_learned(name) == (entry.kind is None)
+    # No two have files of one name.
+    assert len({name.replace("/", "-") for name in CONTROLLERS}) == len(CONTROLLERS)
+    assert canonical("mlp:a/b.safetensors") == "mlp:a/b.safetensors"
+    env = gymnasium.make(STORM)
+    alike = [
+        make_controller("dob", "calm", env),
+        make_controller("dob/calm", env),
+        make_controller("dob/calm", env=env),
+    ]
+    alike.append(make_controller("dob", setting="calm", **env.unwrapped.options.to_dict()))  # type: ignore[attr-defined]
+    assert (
+        len({repr(made) for made in alike})
+        == 1
+        != len({repr(made) for made in (alike[0], make_controller("dob", env))})
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("dob/clam", "dob has no setting 'clam'; did you mean calm? its settings: plain, still, calm, medium, quick"),
+        ("pd/x", "pd has no setting 'x'; its settings: default"),
+        ("dob-calm", "unknown controller 'dob-calm'; close to it: dob/calm, "),
+        ("mcp", "unknown controller 'mcp'; close to it: mpc"),
+        (
+            "residual/resolved-dob",
+            "controller 'residual/resolved-dob' is not for UVMS-StationKeep; for it: residual/pd, res",
+        ),
+    ],
+)
+def test_an_unknown_setting_is_told_the_close_ones(name: str, line: str) -> None:
+    assert message(name).startswith(line)
+
+
+def test_a_folder_of_policies_is_searched_for_a_while(shipped: Path, tmp_path: Path, capsys: Any) -> None:
+    more = tmp_path / "more" / shipped.relative_to(tmp_path)
+    more.mkdir(parents=True)
+    network(8).save(more / "ppo-8.safetensors")
+    with policies_in(tmp_path / "more"):
+        assert seeds("ppo", **OPTIONS) == (0, 3, 8)
+    assert seeds("ppo", **OPTIONS) == (0, 3)
+    given = ["compare", "--scene", SMALL, "--controller", "ppo", "--episodes", "2", "--out", str(tmp_path / "out")]
+    for arguments, found in (([], [0, 3]), (["--policies", str(tmp_path / "more")], [0, 3, 8]), ([], [0, 3])):
+        assert main([*given, *arguments]) == 0
+        (result,) = json.loads((tmp_path / "out" / "compare.json").read_text())["results"]
+        assert result["controllers"]["ppo"]["training_seeds"] == found
+    assert main([*given, "--policies", str(tmp_path / "out")]) == 2
+    assert "out has no policies TASK/SCENE/PERIODs/NAME-SEED.safetensors" in capsys.readouterr().err
 
 
 def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> None:
     where = f"UVMS-StationKeep, scene {SMALL}, control period 0.1 s, actions wrench"
-    assert message("ppo-dob", Unavailable) == f"no policy ppo-dob is shipped for {where}; shipped for it: ppo, ppo-pd"
-    assert message("ppo", Unavailable, seed=1) == (
-        f"no policy ppo of training seed 1 is shipped for {where}; its seeds: 0, 3"
+    assert message("residual", Unavailable).startswith(
+        f"no policy residual is there for {where}; for it: ppo, residual/pd"
+    )
+    assert (
+        message("ppo", Unavailable, seed=1) == f"no policy ppo of training seed 1 is there for {where}; its seeds: 0, 3"
     )
     line = message("ppo", Unavailable, substeps=5)
-    assert "control period 0.05 s" in line and f"shipped are those for UVMS-StationKeep {SMALL} 0.1s" in line
+    assert "control period 0.05 s" in line and f"policies are for UVMS-StationKeep {SMALL} 0.1s" in line
     assert "scene petasus-pum" in message("ppo", Unavailable, scene="petasus-pum")
     assert "UVMS-EETrack" in message("ppo", Unavailable, task="ee-track")
     assert "actions thrusters" in message("ppo", Unavailable, action="thrusters")
@@ -130,11 +190,11 @@ def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dic
 
 
 def test_corrections_to_something_else_are_refused(shipped: Path) -> None:
-    file = shipped / "ppo-pd-1.safetensors"
+    file = shipped / "residual-pd-1.safetensors"
     network(residual=True, notes={"base": "pid"}).save(file)
-    assert message("ppo-pd", seed=1) == f"{file}: its base is pid, but must be pd"
+    assert message("residual/pd", seed=1) == f"{file}: its base is pid, but must be pd"
     network(residual=True, notes={"limit": "7"}).save(file)
-    assert message("ppo-pd", seed=1) == f"{file}: limit is 7, but must be in [0, 1]"
+    assert message("residual/pd", seed=1) == f"{file}: limit is 7, but must be in [0, 1]"
 
 
 def test_truncated_and_foreign_files_are_refused(shipped: Path) -> None:
@@ -178,18 +238,18 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
         # They predict over it.
         ("resolved-dob", 0, None),
         ("resolved-dob", 3, None),
-        ("dob-calm", 3, None),
+        ("dob/calm", 3, None),
         ("mpc", 2, None),
         ("nmpc", 2, None),
         # 1 period by the mean of those drawn.
-        ("dob-calm", (0, 3), "it may be unstable"),
+        ("dob/calm", (0, 3), "it may be unstable"),
         ("ppo", 0, "it may be unstable"),
-        ("shac-distilled-wide", 3, None),
-        ("shac-wide", 3, None),
+        ("shac-distilled/wide", 3, None),
+        ("shac/wide", 3, None),
     ],
 )
 def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, delay: Any, warning: str | None) -> None:
-    env = STORM if name in registry.names("station-keep") else "UVMS-EETrack-Storm-v0"
+    env = STORM if name in names("station-keep") else "UVMS-EETrack-Storm-v0"
     given = {"time": [0.1 * n for n in delay], "periods": 0} if isinstance(delay, tuple) else {"periods": delay}
     envs = gymnasium.make_vec(env, num_envs=2, disturbance={"base": "storm", "delay": given})
     with warnings.catch_warnings(record=True) as caught:
@@ -208,12 +268,12 @@ def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, del
 
 @pytest.mark.parametrize("task", ["station-keep", "ee-track"])
 def test_classical_controllers_are_no_worse_tuned_than_untuned_at_any_delay(task: str) -> None:
-    env = f"{registry.TASKS[task]}-Storm-v0"
+    env = f"{TASKS[task]}-Storm-v0"
     dt = {"station-keep": 0.025, "ee-track": 0.01}[task]
     for level, delay in itertools.product(("calm", "storm"), (0, 2, 3)):
         disturbance = {"base": level, "delay": {"periods": delay}}
         envs = gymnasium.make_vec(env, num_envs=16, disturbance=disturbance, dt=dt, substeps=round(0.1 / dt))
-        for name in (name for name in registry.rivals(task) if name in registry.CLASSICAL and name != "none"):
+        for name in names(task, learned=False, rivals=True)[1:]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 pair = [make_controller(name, envs, gains=gains) for gains in ("tuned", "scene")]
@@ -238,19 +298,19 @@ def test_play_takes_names_of_the_registry(shipped: Path, tmp_path: Path, capsys:
             ["play", "--env", STORM, "--scene", SMALL, "--controller", name, "--seconds", "0.3", "--plot", plot]
         )
 
-    assert [play(name) for name in ("none", "pid", "ppo", "ppo-pd")] == [0, 0, 0, 0]
+    assert [play(name) for name in ("none", "pid", "ppo", "residual/pd")] == [0, 0, 0, 0]
     capsys.readouterr()
-    for name, words in (("magic", "unknown controller 'magic'"), ("ppo-dob", "no policy ppo-dob is shipped")):
+    for name, words in (("magic", "unknown controller 'magic'"), ("residual", "no policy residual is there")):
         assert play(name) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert words in line
 
 
-@pytest.mark.parametrize("name", registry.CLASSICAL)
+@pytest.mark.parametrize("name", names(learned=False))
 def test_every_classical_controller_is_made_for_its_tasks(name: str) -> None:
-    for task in registry.CLASSICAL[name].tasks:
+    for task in CONTROLLERS[name].tasks:
         made = make_controller(name, task=task, scene="bluerov2-heavy-alpha5", substeps=10)
-        env = gymnasium.make(f"{registry.TASKS[task]}-Storm-v0", scene="bluerov2-heavy-alpha5")
+        env = gymnasium.make(f"{TASKS[task]}-Storm-v0", scene="bluerov2-heavy-alpha5")
         observation, _ = env.reset(seed=0)
         action, _ = made.predict(observation)
         assert action.shape == env.action_space.shape

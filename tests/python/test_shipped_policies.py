@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from uvms_gym import MLP, Rollout
-from uvms_gym.controllers.registry import CLASSICAL, LEARNED, PRETRAINED, make_controller
+from uvms_gym.controllers.families import CONTROLLERS, names
+from uvms_gym.controllers.registry import PRETRAINED, make_controller, policies_in
 from uvms_gym.studies.comparison.verification import verify
 
 # Without control an arm may be flung at its stops.
 pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 
-FILES = sorted(PRETRAINED.glob("*/*/*/*.safetensors"))
+MORE = Path(__file__).parents[2] / "training" / "policies"
+FILES = sorted([*PRETRAINED.glob("*/*/*/*.safetensors"), *MORE.glob("*/*/*/*.safetensors")])
 RESULTS = sorted(PRETRAINED.glob("*/*/*/results.json"))
 GAINS = sorted(PRETRAINED.glob("*/*/*/gains.json"))
 #: What learned policies are to beat, by task.
@@ -23,7 +25,7 @@ BASE = {"UVMS-StationKeep": "pd", "UVMS-EETrack": "resolved"}
 
 
 def named(path: Path) -> str:
-    return str(path.relative_to(PRETRAINED))
+    return "/".join(path.parts[-4:])
 
 
 def environment(folder: Path) -> dict[str, Any]:
@@ -40,21 +42,26 @@ def environment(folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("path", RESULTS, ids=named)
 def test_regress_the_stored_results_come_out_again(path: Path) -> None:
-    assert verify(path) == []
+    with policies_in(MORE):
+        assert verify(path) == ([], [])
 
 
 @pytest.mark.parametrize("path", FILES, ids=named)
 def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> None:
-    name, seed = path.stem.rsplit("-", 1)
-    policy = MLP.load(path, residual=LEARNED[name].base is not None)
+    stem, seed = path.stem.rsplit("-", 1)
+    (name,) = [name for name in names(learned=True) if name.replace("/", "-") == stem]
+    base = CONTROLLERS[name].setting.base
+    policy = MLP.load(path, residual=base is not None)
     spec = policy.spec
     assert spec is not None
     said = (spec["task"], spec["scene"], f"{spec['control_period']:g}s")
     assert said == (path.parents[2].name, path.parents[1].name, path.parents[0].name)
     notes = policy.notes
-    assert notes["seed"] == seed and notes.get("base") == LEARNED[name].base
+    assert notes["seed"] == seed and notes.get("base") == base
     assert {"environment", "hyperparameters", "steps", "seconds", "commit", "versions", "evaluation"} <= notes.keys()
     assert f"`{path.name}`" in (path.parent / "README.md").read_text()
+    # The package has training seed 0 of the rivals alone.
+    assert (PRETRAINED in path.parents) == (seed == "0" and CONTROLLERS[name].setting.role == "rival")
 
 
 @pytest.mark.learning
@@ -104,7 +111,7 @@ def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
 @pytest.mark.parametrize("path", GAINS, ids=named)
 def test_tuned_gains_are_off_the_edges_at_equal_budgets_and_within_the_limit(path: Path) -> None:
     stored = json.loads(path.read_text())
-    assert stored.keys() <= CLASSICAL.keys()
+    assert stored.keys() <= {*names(learned=False)}
     budgets = {name: entry["tuning"]["budget"]["episodes"] for name, entry in stored.items()}
     # Plans take time: fewer episodes.
     assert budgets.pop("nmpc", 0) <= min(budgets.values())
@@ -122,11 +129,13 @@ def test_tuned_gains_are_off_the_edges_at_equal_budgets_and_within_the_limit(pat
 def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
     made = environment(folder)
     errors = {}
-    learned = sorted({path.stem.rsplit("-", 1)[0] for path in folder.glob("*.safetensors")})
+    stems = {path.stem.rsplit("-", 1)[0] for path in folder.glob("*.safetensors")}
+    learned = [name for name in names(learned=True) if name.replace("/", "-") in stems]
     for name in (BASE[folder.parents[1].name], *learned):
         envs = gym.make_vec(**made, num_envs=32)
         envs.reset(seed=500_000)
-        rollout = Rollout(envs, make_controller(name, envs))
+        with policies_in(MORE):
+            rollout = Rollout(envs, make_controller(name, envs))
         rollout.run(made["max_episode_steps"])
         stats = rollout.pop_stats()
         pose = stats.squares["position_error"] + 0.5**2 * stats.squares["attitude_error"]

@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     policy(substeps=10).save(path / "own.safetensors")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
-        patch.setattr(registry, "PRETRAINED", path / "policies")
+        patch.setattr(registry, "FOLDERS", [path / "policies"])
         # Fewer numbers of each kind: the laws below go through all of them.
         patch.setattr(summary, "Draws", lambda episodes, seed: Draws(episodes, seed, 50))
         patch.setattr(summary, "THRESHOLDS", 5)
@@ -57,7 +57,7 @@ def written(folder: Path, data: Any) -> Path:
 
 
 def test_everything_stored_is_reproduced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert verify(folder / "compare.json") == []
+    assert verify(folder / "compare.json") == ([], [])
     assert main(["verify", "compare.json"]) == 0
     assert "compare.json: all entries are reproduced, numbers to 0.0001" in capsys.readouterr().out
 
@@ -94,7 +94,7 @@ def test_every_forged_entry_of_a_result_is_refused_by_its_place(stored: Any) -> 
     """Each leaf one by one, and each key and entry left out or added."""
     arguments = stored["circumstances"]["arguments"]
     condition = verification._conditions(arguments, 2)[1]
-    comparison = verification._comparison(condition, {}, arguments["controllers"], run_code=False)
+    comparison, _ = verification._comparison(condition, {}, arguments["controllers"], run_code=False)
     expected = verification.expect(comparison, arguments["episodes"], arguments["seed"])
     result = stored["results"][1]
     assert list(verification.differences("", result, expected)) == []
@@ -121,7 +121,7 @@ def parts(result: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def test_every_forged_circumstance_is_refused_but_for_plausible_records(stored: Any) -> None:
     arguments = stored["circumstances"]["arguments"]
     comparisons = [
-        verification._comparison(condition, {}, arguments["controllers"], run_code=False)
+        verification._comparison(condition, {}, arguments["controllers"], run_code=False)[0]
         for condition in verification._conditions(arguments, 2)
     ]
     assert list(verification._heads(stored, comparisons)) == []
@@ -184,23 +184,41 @@ def test_forged_arguments_are_refused(
 
 
 @pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
-def test_a_policy_that_is_another_or_no_more_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_policy_that_is_another_is_a_difference_and_a_missing_one_is_named(
+    folder: Path, stored: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     one, other = (folder / f"policies/UVMS-StationKeep/{SMALL}/0.1s/ppo-{seed}.safetensors" for seed in (0, 1))
     kept = one.read_bytes(), other.read_bytes()
     label = f"{STORM}, {SMALL}, design: "
     MLP(scene=SMALL, substeps=10, notes={"steps": "7"}, **layers((24, 6), 7)).save(other)
-    lines = verify(folder / "compare.json")
+    (lines, unchecked), file = verify(folder / "compare.json"), written(folder, stored)
     assert lines[0].startswith(f"{label}controllers.ppo.origin.files[1].sha256: ")
-    assert lines[1].startswith(f"{label}controllers.ppo.kept.pose[1][0]: ")
-    other.unlink()
-    assert f"{label}controllers.ppo.kept.pose: a list of 2 is stored, a list of 1 found" in verify(
-        folder / "compare.json"
-    )
-    one.unlink()
-    lines = verify(folder / "compare.json")
-    assert lines[:2] == [f"{label}missing.ppo is not stored", f"{label}controllers.ppo is stored, but unknown"]
-    one.write_bytes(kept[0])
-    other.write_bytes(kept[1])
+    assert lines[1].startswith(f"{label}controllers.ppo.kept.pose[1][0]: ") and unchecked == []
+    for path, seeds in ((other, "1"), (one, "0, 1")):
+        path.unlink()
+        for full in (False, True):
+            lines, unchecked = verify(folder / "compare.json", full)
+            assert lines == [] and len(unchecked) == 2
+            assert unchecked[0].startswith(f"{label}ppo: not checked for training seeds {seeds}, as their policies")
+        assert main(["verify", str(file)]) == 0
+        out = capsys.readouterr().out
+        assert "ppo: not checked" in out and "all other entries are reproduced" in out
+        # The others are still checked, and the policy that is there.
+        entries = stored["results"][0]["controllers"]
+        for name in ("pd", "ppo")[: 2 - seeds.count("0")]:
+            entries[name]["kept"]["pose"][0][0] *= 1.001
+            lines, _ = verify(written(folder, stored))
+            entries[name]["kept"]["pose"][0][0] /= 1.001
+            assert [line.partition(": ")[2].partition(":")[0] for line in lines] == [
+                f"controllers.{name}.kept.pose[0][0]"
+            ]
+    for path, data in zip((one, other), kept, strict=True):
+        path.write_bytes(data)
+    # Seeds that came later change nothing.
+    path = one.with_name("ppo-7.safetensors")
+    path.write_bytes(kept[0])
+    assert verify(folder / "compare.json") == ([], [])
+    path.unlink()
 
 
 # Files that anyone may have written

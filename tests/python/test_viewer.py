@@ -131,10 +131,15 @@ def test_controls_act_at_the_next_picture(viewer: Any) -> None:
     page.press("Step")
     viewer.picture(1.0)
     assert episode.time == pytest.approx(paused + episode.period)
-    page.controller.value = "ppo"
-    wait_for_commands(page)
-    viewer.picture(0.0)
-    assert episode.controller == "ppo"
+    for family, setting, expected in (("ppo", None, "ppo"), ("dob", "calm", "dob/calm"), ("pd", None, "pd")):
+        page.controller.value = family
+        wait_for_commands(page)
+        viewer.picture(0.0)
+        if setting is not None:
+            page.setting.value = setting
+            wait_for_commands(page)
+            viewer.picture(0.0)
+        assert episode.controller == expected
     page.press("Reset")
     viewer.picture(0.0)
     assert episode.time == 0.0

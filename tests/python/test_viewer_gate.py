@@ -71,7 +71,11 @@ def test_a_viser_that_would_pass_by_the_gate_is_refused(viewer: Viewer, monkeypa
 
 #: Values that no control takes, by label; the first types are wrong everywhere.
 WRONG: tuple[tuple[str, Any], ...] = (
-    *((label, value) for label in ("Controller", "Episode") for value in (None, 1, True, [], {}, "mlp:/dev/zero")),
+    *(
+        (label, value)
+        for label in ("Controller", "Setting", "Episode")
+        for value in (None, 1, True, [], {}, "mlp:/dev/zero")
+    ),
     *((label, value) for label in ("Strength", "Payload (kg)") for value in (None, "1", True, [1.0], {}, b"1")),
     *(("Current (m/s)", value) for value in (float("nan"), float("inf"), -float("inf"))),
     *(("Seed", value) for value in (None, -1, 1e20, ["3"], "1" * 100)),

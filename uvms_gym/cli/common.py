@@ -19,6 +19,7 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym._files import lock
+from uvms_gym.controllers.registry import policies_in
 
 T = TypeVar("T")
 
@@ -28,6 +29,26 @@ def several(text: str, default: str = "all", metavar: str = "NAME", **options: A
     return Option(help=f"{text}; may be repeated. [default: {default}]", metavar=metavar, **options)
 
 
+def _search(folder: Path | None) -> Path | None:
+    """Search a folder of policies until the command ends."""
+    if folder is not None:
+        with user_errors():
+            held.enter_context(policies_in(folder))
+    return folder
+
+
+#: Folder of policies; commands need not look at the value.
+Policies = Annotated[
+    Path | None,
+    Option(
+        metavar="DIR",
+        callback=_search,
+        help="Search policies here, too: training/policies of a checkout has all training seeds. "
+        "[default: the package's, and those of the checkout that it is run from]",
+    ),
+]
+#: Names of controllers, in help texts.
+CONTROLLER_HELP = "Controller: FAMILY or FAMILY/SETTING (`uvms controllers` lists them), mlp:FILE, or py:FILE.py:NAME"
 #: Options of an environment. `train`, `play`, `compare` and `accuracy` share them; see `environment_arguments`.
 Scene = Annotated[
     str | None, Option(metavar="SCENE", help="Scene: name or TOML file. [default: the environment's, petasus-pum]")

@@ -6,13 +6,13 @@ from typing import Any
 
 from uvms_gym.cli.common import console, line
 from uvms_gym.cli.output import table
-from uvms_gym.controllers.registry import is_bound
+from uvms_gym.controllers.families import is_bound, is_learned
 from uvms_gym.studies.comparison.conditions import DEPARTURES
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
 from uvms_gym.studies.comparison.plots import Results, controllers_of
 from uvms_gym.studies.comparison.statistics import Estimate
 from uvms_gym.studies.comparison.study import Comparison
-from uvms_gym.studies.comparison.summary import Summary, baselines, closed_share, is_learned, short_names
+from uvms_gym.studies.comparison.summary import Summary, baselines, closed_share, short_names
 
 _ERRORS = [name for name, metric in METRICS.items() if metric.error]
 _COSTS = ("power", "saturation", "variation", "recovery", "within", "success", "diverged")

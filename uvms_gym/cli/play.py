@@ -12,7 +12,9 @@ import gymnasium
 from typer import Option
 
 from uvms_gym.cli.common import (
+    CONTROLLER_HELP,
     EnvKwargs,
+    Policies,
     Scene,
     check_environment,
     check_range,
@@ -27,8 +29,9 @@ from uvms_gym.cli.common import (
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
 from uvms_gym.cli.web import serve
-from uvms_gym.controllers import registry
-from uvms_gym.studies.comparison.own import PREFIX, make_controller
+from uvms_gym.controllers.families import BASELINE, canonical
+from uvms_gym.studies.comparison.own import make_controller
+from uvms_gym.studies.comparison.summary import short_names
 from uvms_gym.viewer.curves import error_curves
 
 #: Maximum duration, s.
@@ -38,7 +41,6 @@ NEEDS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "pygame": "pygame"
 #: Default environments: of files and windows, and of the browser view, whose policies are shipped.
 DEFAULT, STORM = "UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"
 _SUFFIXES = (".mp4", ".gif", ".png")
-KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE, {PREFIX}FILE.py:NAME"
 
 
 def play(
@@ -49,8 +51,9 @@ def play(
     scene: Scene = None,
     env_kwargs: EnvKwargs = None,
     controller: Annotated[
-        str | None, Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
+        str | None, Option(metavar="NAME", help=f"{CONTROLLER_HELP}. [default: the task's reference, such as pd]")
     ] = None,
+    policies: Policies = None,
     disturbance: Annotated[
         str | None, Option(metavar="NAME", help="Level of disturbances. [default: the environment's]")
     ] = None,
@@ -125,13 +128,12 @@ def play(
     _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     made = _make(env, arguments, seconds)
     inner: Any = made.unwrapped
-    chosen = controller or registry.BASELINE[inner.task]
     with user_errors():
+        chosen = canonical(controller or BASELINE[inner.task])
         control = make_controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
-    name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
-    title = f"{inner.snapshot().scene_name}  ·  {name}"
+    title = f"{inner.snapshot().scene_name}  ·  {short_names([chosen])[chosen]}"
     prepare(None, out)
     prepare(None, plot)
     instants: list[Instant] = []

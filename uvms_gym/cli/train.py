@@ -298,7 +298,7 @@ def _resumed(agent: Path) -> tuple["Settings", Path, Path | None]:
 
 def _new_folder(logs: Path, settings: "Settings") -> Path:
     """Make the folder of a run, with the first free number."""
-    name = settings.algo if settings.base is None else f"{settings.algo}-{settings.base}"
+    name = settings.algo if settings.base is None else f"{settings.algo}-{settings.base.replace('/', '-')}"
     number = 1
     while True:
         folder = logs / name / f"{settings.env}_{number}"

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 
 from uvms_gym.cli.common import fail, line, user_errors
-from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import BASELINE
 
 
 def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port: int) -> None:
@@ -21,7 +21,7 @@ def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port:
 
     inner: Any = env.unwrapped
     with user_errors():
-        episode = LiveEpisode(inner, controller or registry.BASELINE[inner.task], seed)
+        episode = LiveEpisode(inner, controller or BASELINE[inner.task], seed)
     title = f"{inner.snapshot().scene_name}, {env.spec.id if env.spec else inner.task}"
     try:
         viewer = Viewer(episode, title, port, line)

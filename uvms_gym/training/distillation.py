@@ -8,21 +8,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from uvms_gym.controllers.registry import (
-    CLASSICAL,
-    MLP_PREFIX,
-    ControllerWarning,
-    check_name,
-    make_controller,
-    names,
-)
+from uvms_gym.controllers.families import MLP_PREFIX, TEACHERS, canonical, is_learned, names
+from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import Settings
-
-#: Teacher of each task.
-TEACHERS = {"station-keep": "dob-delay", "ee-track": "resolved-dob", "dock": "dock-pd"}
 
 
 @dataclass(frozen=True)
@@ -59,11 +50,10 @@ class Distillation(Learner):
         super().__init__(settings, self.parameters, 0.0)
         self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate, fused=True)
         inner = self.envs.inner
-        self.teacher_name = settings.teacher or TEACHERS[inner.task]
-        check_name(self.teacher_name, inner.task)
+        self.teacher_name = canonical(settings.teacher or TEACHERS[inner.task], task=inner.task)
         learned = self.teacher_name.startswith(MLP_PREFIX)
-        if not learned and self.teacher_name not in CLASSICAL:
-            known = ", ".join(name for name in names(inner.task) if name in CLASSICAL)
+        if not learned and is_learned(self.teacher_name):
+            known = ", ".join(names(inner.task, learned=False))
             raise ValueError(f"teacher is {self.teacher_name!r}, but must be {MLP_PREFIX}FILE or classical: {known}")
         with warnings.catch_warnings():
             # Its delay is removed below.

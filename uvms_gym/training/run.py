@@ -15,6 +15,7 @@ from typing import Any
 from uvms_gym import MLP, Residual
 from uvms_gym._files import write
 from uvms_gym.controllers import Controller
+from uvms_gym.controllers.families import canonical
 from uvms_gym.controllers.registry import tuned
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.training.evaluation import SEED, evaluate
@@ -193,9 +194,10 @@ class Record:
             **self.origin,
         }
         if settings.base is not None:
-            stored = tuned(settings.base, self.envs)
+            base = canonical(settings.base)
+            stored = tuned(base, self.envs)
             gains = json.dumps(stored["gains"] if stored else {})
-            notes |= {"base": settings.base, "base_gains": gains, "limit": f"{settings.limit:g}"}
+            notes |= {"base": base, "base_gains": gains, "limit": f"{settings.limit:g}"}
         return notes
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym.controllers.families import canonical
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs.base import TaskEnv
 from uvms_gym.envs.rendering import shots
@@ -106,7 +107,7 @@ class LiveEpisode:
         Environment; another with its options, under a disturbance, is made from it: the level named in them, or the
         storm.
     controller : str
-        Name of a controller, `mlp:FILE` or `py:FILE:NAME`.
+        Name of a controller: `FAMILY`, `FAMILY/SETTING`, `mlp:FILE` or `py:FILE:NAME`.
     seed : int
         Seed of the episode.
 
@@ -131,8 +132,9 @@ class LiveEpisode:
 
     def choose(self, controller: str) -> None:
         """Take another controller, from blank memory, in the running episode."""
-        self._control = make_controller(controller, self.env)
-        self.controller = controller
+        name = canonical(controller, task=self.env.task)
+        self._control = make_controller(name, self.env)
+        self.controller = name
         self._memory: Any = None
 
     def reset(self, seed: int | None = None, target: Target | None = None) -> None:

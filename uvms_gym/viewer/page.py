@@ -12,6 +12,7 @@ import numpy as np
 import viser
 
 from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import canonical, is_file, split
 from uvms_gym.viewer.curves import error_curves
 from uvms_gym.viewer.episode import HOME, MAXIMA, MOST_SEED, LiveEpisode
 from uvms_gym.viewer.gate import Gate
@@ -60,10 +61,18 @@ class Page:
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, control_width="large")
         gui.set_panel_label("uvms play")
         gui.add_markdown(f"**{title}**")
+        #: Settings of each family, the default first.
+        self._settings: dict[str, list[str]] = {}
         names = registry.available(episode.env)
-        names = names if episode.controller in names else (episode.controller, *names)
-        self.controller = gui.add_dropdown("Controller", names, initial_value=episode.controller)
+        for name in names if episode.controller in names else (episode.controller, *names):
+            family, setting = split(name)
+            settings = self._settings.setdefault(family, [])
+            settings.insert(0 if name == family else len(settings), setting)
+        family, setting = split(episode.controller)
+        self.controller = gui.add_dropdown("Controller", list(self._settings), initial_value=family)
+        self.setting = gui.add_dropdown("Setting", self._settings[family], initial_value=setting)
         self._on(self.controller, "controller", self._choose)
+        self._on(self.setting, "controller", self._choose)
         self.pace = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1x")
         self._on(self.pace, "speed", self._set_speed)
         # A text: browsers round numbers from 2^53 on, and correct those that are out of range without a word.
@@ -92,7 +101,16 @@ class Page:
         thrusters = episode.env.snapshot().thruster_names
         self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
         self.note()
-        inputs = (self.controller, self.pace, self.seed, self.buttons, self.view, self.follow, self.handles)
+        inputs = (
+            self.controller,
+            self.setting,
+            self.pace,
+            self.seed,
+            self.buttons,
+            self.view,
+            self.follow,
+            self.handles,
+        )
         gate.admit(*inputs, self.strength, self.current, self.payload, handles=self._gizmo)
         gate.refused = lambda reason: self._put("refused", lambda: self.say("Refused", reason))
 
@@ -173,8 +191,12 @@ class Page:
             self._world.place_camera(client.camera, client.camera.image_width)
 
     def _choose(self) -> None:
-        if self.controller.value != self._episode.controller:
-            self._episode.choose(self.controller.value)
+        family = self.controller.value
+        if list(self.setting.options) != self._settings[family]:
+            self.setting.options = self._settings[family]
+        name = family if is_file(family) else canonical(family, self.setting.value)
+        if name != self._episode.controller:
+            self._episode.choose(name)
 
     def _reseed(self) -> None:
         if (seed := _seed(self.seed.value)) != self._episode.seed:
@@ -191,7 +213,9 @@ class Page:
     def _restore(self) -> None:
         """Give the controls the values that hold."""
         episode = self._episode
-        self.controller.value, self.seed.value = episode.controller, str(episode.seed)
+        family, setting = split(episode.controller)
+        self.controller.value, self.seed.value = family, str(episode.seed)
+        self.setting.options, self.setting.value = self._settings[family], setting
         for name in MAXIMA:
             getattr(self, name).value = getattr(episode.conditions, name)
         self._gizmo.position, self._gizmo.wxyz = episode.target

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uvms_gym import StepWarning, make_controller
 from uvms_gym.controllers import Controller, registry
+from uvms_gym.controllers.families import BASELINE, is_learned
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import Block, TaskVectorEnv
 from uvms_gym.studies.numerics import Floats
@@ -95,8 +96,8 @@ def frame(case: Case) -> Frame:
     try:
         inner: TaskVectorEnv = envs.unwrapped  # type: ignore[assignment]
         options = inner.options
-        classical = registry.BASELINE[inner.task]
-        policies = [name for name in registry.available(envs) if name in registry.LEARNED]
+        classical = BASELINE[inner.task]
+        policies = [name for name in registry.available(envs) if is_learned(name)]
         drives = {name: make_controller(name, envs) for name in (classical, *policies[:1])}
         return Frame(
             inner.task,

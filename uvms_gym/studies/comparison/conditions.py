@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium
 
 from uvms_gym._task.options import check_count
-from uvms_gym.controllers.registry import TASKS
+from uvms_gym.controllers.families import TASKS
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import EPISODE_STEPS, VARIANTS, TaskOptions
 

@@ -12,10 +12,11 @@ import numpy as np
 from uvms_gym import Rollout
 from uvms_gym._files import read
 from uvms_gym.controllers import MLP, Controller, Residual, registry
+from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_bound
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
-from uvms_gym.studies.comparison.own import PREFIX, PredictRollout, file_of, load
+from uvms_gym.studies.comparison.own import PredictRollout, file_of, load
 from uvms_gym.studies.numerics import Floats
 
 
@@ -49,33 +50,33 @@ class EpisodeScores(NamedTuple):
     seconds: float
 
 
-def make_contender(condition: Condition, name: str) -> Contender:
-    """Make a controller for a condition, with all its training seeds.
+def make_contender(condition: Condition, name: str, seeds: tuple[int, ...] | None = None) -> Contender:
+    """Make a controller for a condition, with these training seeds, or all that are there.
 
     Raises
     ------
     registry.Unavailable
-        No policy is shipped.
+        A policy is missing.
     ValueError, TypeError
         The controller does not fit, or a file is broken.
     OSError
         A file cannot be read.
     """
-    if name.startswith(PREFIX):
+    if name.startswith(CODE_PREFIX):
         options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
         made = load(name, gymnasium.make_vec(condition.env, num_envs=1, **options))
         return Contender(name, (), [made], {"files": [_file(file_of(name), made)]})
-    bound = registry.is_bound(name)
+    bound = is_bound(name)
     options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
-    seeds = registry.seeds(name, **options)
+    seeds = seeds or registry.seeds(name, **options)
     made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
     return Contender(name, seeds, made, _origin(name, seeds, made, options), bound)
 
 
 def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], options: Any) -> dict[str, Any]:
     """Origin of controllers: their files, or their gains with the tuning (None: not tuned)."""
-    if name.startswith(registry.MLP_PREFIX):
-        files = [Path(name.removeprefix(registry.MLP_PREFIX))]
+    if name.startswith(MLP_PREFIX):
+        files = [Path(name.removeprefix(MLP_PREFIX))]
     elif seeds:
         files = [registry.policy_file(name, seed, **options) for seed in seeds]
     else:
@@ -116,7 +117,7 @@ def run(
         observations, _ = envs.reset(seed=seed)
         rollout: Any = (
             PredictRollout(envs, controller, contender.name, observations)
-            if contender.name.startswith(PREFIX)
+            if contender.name.startswith(CODE_PREFIX)
             else Rollout(envs, controller)
         )
         rows.append(_run(envs, condition, rollout, tick))

@@ -12,16 +12,14 @@ import numpy as np
 
 from uvms_gym._files import read
 from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import CODE_PREFIX
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.rollouts import RolloutStats
 
-#: Prefix of a controller in a Python file: `py:FILE:NAME`, NAME called with an environment as designed for.
-PREFIX = "py:"
-
 
 def file_of(name: str) -> Path:
-    """File of `py:FILE:NAME`."""
-    return Path(name.removeprefix(PREFIX).rpartition(":")[0])
+    """File of a controller in Python code, `py:FILE:NAME`; NAME is called with an environment as designed for."""
+    return Path(name.removeprefix(CODE_PREFIX).rpartition(":")[0])
 
 
 def load(name: str, envs: Any) -> Any:
@@ -44,7 +42,7 @@ def load(name: str, envs: Any) -> Any:
     """
     file, attribute = file_of(name), name.rpartition(":")[2]
     if file.suffix != ".py" or not attribute:
-        raise ValueError(f"controller {name!r} must be {PREFIX}FILE.py:NAME")
+        raise ValueError(f"controller {name!r} must be {CODE_PREFIX}FILE.py:NAME")
     # An absent file is an OSError with its name.
     read(file)
     spec = importlib.util.spec_from_file_location(f"{__name__}.{file.stem}", file)
@@ -82,7 +80,7 @@ def make_controller(name: str, env: Any) -> Any:
     ValueError, TypeError, OSError
         See `uvms_gym.make_controller` and `load`.
     """
-    if not name.startswith(PREFIX):
+    if not name.startswith(CODE_PREFIX):
         return registry.make_controller(name, env)
     options = env.unwrapped.options
     kind = next(kind for kind in TaskVectorEnv.__subclasses__() if isinstance(options, kind.options_class))

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uvms_gym.controllers.registry import FAMILIES, is_bound
+from uvms_gym.controllers.families import FAMILIES, LEVELS, canonical, is_bound, is_learned
 from uvms_gym.studies.comparison.conditions import DESIGN
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
-from uvms_gym.studies.comparison.summary import Summary, is_learned, short_names
+from uvms_gym.studies.comparison.summary import Summary, short_names
 from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, label_points, log_ticks, picture
 
 if TYPE_CHECKING:
@@ -30,8 +30,18 @@ _LEARNED += ("#ffb347", "#a0522d", "#8b0000", "#ff6f61", "#c71585")
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
-#: Colours of families along the frontier.
-_FAMILY = dict(zip(FAMILIES, (BLUE, GREEN, ORANGE, VERMILION, VERMILION), strict=True))
+#: Families along the frontier, with their settings in its order, and colours.
+_FRONTIERS = {
+    key: [canonical(key, level) for level in LEVELS if level in family.settings] for key, family in FAMILIES.items()
+}
+_FAMILY = {
+    "dob": BLUE,
+    "resolved-dob": BLUE,
+    "mpc": GREEN,
+    "ppo": ORANGE,
+    "shac": VERMILION,
+    "shac-distilled": VERMILION,
+}
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -169,7 +179,7 @@ def stored_panels(files: Sequence[Path]) -> dict[str, Controllers]:
 def _frontier(axes: "Axes", controllers: Controllers, cost: str) -> list[tuple[float, float, str, str]]:
     """Draw points and lines; points that need names: place, name and colour."""
     names = [name for name in controllers if name != "none"]
-    families = {label: [name for name in members if name in names] for label, members in FAMILIES.items()}
+    families = {label: [name for name in members if name in names] for label, members in _FRONTIERS.items()}
     families = {label: members for label, members in families.items() if len(members) > 1}
     family = {name: label for label, members in families.items() for name in members}
     short = short_names(names)

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import CODE_PREFIX, CONTROLLERS, MLP_PREFIX
 from uvms_gym.studies.comparison.conditions import DESIGN
-from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.verification import read_results
 
 #: Environments of the scoreboard, and all else that entries have in common.
@@ -23,7 +22,7 @@ RULE: Mapping[str, Any] = {
     "episodes": 1024,
 }
 #: Controllers of files, in characters that a table shows as they are.
-_FILES = re.compile(rf"({registry.MLP_PREFIX}|{PREFIX})[\w./:-]+", re.ASCII)
+_FILES = re.compile(rf"({MLP_PREFIX}|{CODE_PREFIX})[\w./:-]+", re.ASCII)
 
 
 def read_entries(path: Path) -> list[tuple[str, str, dict[str, Any]]]:
@@ -49,7 +48,7 @@ def _entries(path: Path, data: Mapping[str, Any]) -> Iterator[tuple[str, str, di
         if stored["env"] not in ENVS:
             raise ValueError(f"{path}: env is {stored['env']!r}, but must be one of {', '.join(ENVS)}")
         for name, entry in stored["controllers"].items():
-            if name not in registry.NAMES and _FILES.fullmatch(name) is None:
+            if name not in CONTROLLERS and _FILES.fullmatch(name) is None:
                 raise ValueError(f"{path}: controller {name!a:.60} is unknown")
             found = given | {key: stored[key] for key in ("scene", "disturbance", "condition")}
             found["episodes"] = entry["episodes"]

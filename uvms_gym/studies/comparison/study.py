@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import canonical, is_file, names
 from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
-from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.summary import Summary
 
@@ -35,17 +35,18 @@ class Comparison(NamedTuple):
 
 
 def make_comparisons(
-    conditions: Sequence[Condition], names: Sequence[str] | None = None, frontier: bool = False
+    conditions: Sequence[Condition], chosen: Sequence[str] | None = None, frontier: bool = False
 ) -> list[Comparison]:
     """Make all controllers of all conditions.
 
     Parameters
     ----------
     conditions : sequence of Condition
-    names : sequence of str or None
-        Controllers; each takes part in the tasks that it suits. None: all of each task with a shipped policy.
+    chosen : sequence of str or None
+        Controllers; each takes part in the tasks that it suits. None: all of each task, without those that lack a
+        policy.
     frontier : bool
-        Without `names`: also variants along the frontier, and bounds.
+        Without `chosen`: also settings along the frontier, and bounds.
 
     Raises
     ------
@@ -54,24 +55,32 @@ def make_comparisons(
     OSError
         A file cannot be read.
     """
-    for name in names or ():
+    chosen = None if chosen is None else [canonical(name) for name in chosen]
+    for name in chosen or ():
         if not any(suits(name, condition) for condition in conditions):
-            registry.check_name(name, conditions[0].designed["task"])
+            canonical(name, task=conditions[0].designed["task"])
     return [
-        make_comparison(condition, (registry.names if frontier else registry.rivals)(condition.designed["task"]))
-        if names is None
-        else make_comparison(condition, [name for name in names if suits(name, condition)], required=True)
+        make_comparison(condition, names(condition.designed["task"], rivals=not frontier))
+        if chosen is None
+        else make_comparison(condition, [name for name in chosen if suits(name, condition)], required=True)
         for condition in conditions
     ]
 
 
 def suits(name: str, condition: Condition) -> bool:
     """True for a controller of the condition's task, and for files."""
-    return name in registry.names(condition.designed["task"]) or name.startswith((registry.MLP_PREFIX, PREFIX))
+    return is_file(name) or name in names(condition.designed["task"])
 
 
-def make_comparison(condition: Condition, names: Sequence[str], required: bool = False) -> Comparison:
+def make_comparison(
+    condition: Condition,
+    names: Sequence[str],
+    required: bool = False,
+    seeds: Mapping[str, tuple[int, ...]] = {},
+) -> Comparison:
     """Make the controllers of a condition; those without a policy are missing, or an error if `required`.
+
+    `seeds` are the training seeds by controller, where they are not all that are there.
 
     Raises
     ------
@@ -81,7 +90,7 @@ def make_comparison(condition: Condition, names: Sequence[str], required: bool =
     contenders, missing = {}, {}
     for name in names:
         try:
-            contenders[name] = make_contender(condition, name)
+            contenders[name] = make_contender(condition, name, seeds.get(name))
         except registry.Unavailable:
             if required:
                 raise

@@ -7,16 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from uvms_gym.controllers.registry import CLASSICAL, LEARNED, MLP_PREFIX, is_bound
+from uvms_gym.controllers.families import MLP_PREFIX, is_bound, is_file, names
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
 from uvms_gym.studies.numerics import Floats
 
 #: Classical controllers that others are compared with.
-BASELINES = tuple(
-    name for name, entry in CLASSICAL.items() if name not in ("none", "dock-pd") and entry.role != "bound"
-)
+BASELINES = tuple(name for name in names(learned=False) if name not in ("none", "dock-pd") and not is_bound(name))
 #: Number of thresholds of performance profiles.
 THRESHOLDS = 80
 #: Number of episodes with individually stored scores, for verification.
@@ -64,14 +62,12 @@ class _Statistics(NamedTuple):
     profile: Profile
 
 
-def is_learned(name: str) -> bool:
-    """True for a trained policy, and for a controller with one."""
-    return name in LEARNED or name.startswith(MLP_PREFIX)
-
-
 def short_names(names: Iterable[str]) -> dict[str, str]:
     """Names for tables and pictures: of a file without folder and suffix, with a number where two would be alike."""
-    shorts = {name: name.rsplit("/", 1)[-1].removeprefix(MLP_PREFIX).removesuffix(".safetensors") for name in names}
+    shorts = {
+        name: name.rsplit("/", 1)[-1].removeprefix(MLP_PREFIX).removesuffix(".safetensors") if is_file(name) else name
+        for name in names
+    }
     alike, numbers = Counter(shorts.values()), Counter[str]()
     for name, short in shorts.items():
         if short != name and alike[short] > 1:

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 
 import uvms_gym
 from uvms_gym.controllers import registry
+from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_learned, names
 from uvms_gym.studies import records
 from uvms_gym.studies.comparison.conditions import Condition, make_conditions
-from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.study import (
+    NO_POLICY,
     STORED,
     Comparison,
     as_data,
@@ -37,7 +38,8 @@ MOST_CURRENT = 10.0
 #: Arguments of environments that have entries of their own, and the reward, which scores do not depend on.
 _LISTED = {"envs", "scenes", "levels", "departures", "scene", "disturbance", "task", "reward", *STORED}
 #: Statistics over all episodes.
-_OVER_ALL = ("against", "baseline", "winner", "runner_up", "margin", "profiles")
+_OF_RANKING = ("winner", "runner_up", "margin", "profiles")
+_OVER_ALL = ("against", "baseline", *_OF_RANKING)
 
 
 class Form(NamedTuple):
@@ -109,8 +111,15 @@ OPTIONAL: Mapping[str, Form] = {
 }
 
 
-def verify(path: Path, full: bool = False, run_code: bool = False) -> list[str]:
-    """Make a stored comparison again.
+class Verification(NamedTuple):
+    """Outcome of a verification: a line for each difference, and for each controller that is not checked in full."""
+
+    differences: list[str]
+    unchecked: list[str]
+
+
+def verify(path: Path, full: bool = False, run_code: bool = False) -> Verification:
+    """Make a stored comparison again, but for policies that are missing here.
 
     Parameters
     ----------
@@ -120,11 +129,6 @@ def verify(path: Path, full: bool = False, run_code: bool = False) -> list[str]:
         Compare all statistics over all episodes, not only the stored scores of the first episodes.
     run_code : bool
         Run the Python code that the file names (`py:FILE.py:NAME`).
-
-    Returns
-    -------
-    list of str
-        A line for each difference.
 
     Raises
     ------
@@ -136,19 +140,26 @@ def verify(path: Path, full: bool = False, run_code: bool = False) -> list[str]:
     data = read_results(path)
     results, arguments = data["results"], data["circumstances"]["arguments"]
     try:
-        comparisons = [
+        parts = [
             _comparison(condition, stored, arguments["controllers"], run_code)
             for condition, stored in zip(_conditions(arguments, len(results)), results, strict=True)
         ]
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from None
+    data["results"] = [_without(stored, *part) for stored, part in zip(results, parts, strict=True)]
+    unchecked = [
+        f"{comparison.condition.name}: {name}: not checked for training seeds "
+        f"{', '.join(map(str, seeds))}, as their policies are missing (--policies DIR)"
+        for comparison, absent in parts
+        for name, seeds in absent.items()
+    ]
     # No run is needed for a file that names another.
-    if found := list(_heads(data, comparisons)):
-        return found
-    for stored, comparison in zip(results, comparisons, strict=True):
+    if found := list(_heads(data, [comparison for comparison, _ in parts])):
+        return Verification(found, unchecked)
+    for stored, (comparison, absent) in zip(data["results"], parts, strict=True):
         expected = expect(comparison, arguments["episodes"], arguments["seed"], full)
-        found += differences(f"{comparison.condition.name}: ", stored, expected)
-    return found
+        found += differences(f"{comparison.condition.name}: ", stored, _without(expected, comparison, absent))
+    return Verification(found, unchecked)
 
 
 def read_results(path: Path) -> dict[str, Any]:
@@ -190,17 +201,70 @@ def _conditions(arguments: Mapping[str, Any], count: int) -> list[Condition]:
     return make_conditions(envs, {name: uvms_gym.load_scene(name) for name in scenes}, levels, departures, **options)
 
 
-def _comparison(condition: Condition, stored: Mapping[str, Any], named: list[str] | None, run_code: bool) -> Comparison:
-    """Comparison of the named controllers; without names of all, also along the frontier if they are stored."""
+def _comparison(
+    condition: Condition, stored: Mapping[str, Any], named: list[str] | None, run_code: bool
+) -> tuple[Comparison, dict[str, tuple[int, ...]]]:
+    """Comparison of the named controllers, and the training seeds whose policies are missing by controller.
+
+    Without names: all controllers of the task, also along the frontier if they are stored.
+    """
     task = condition.designed["task"]
     if named is None:
         entries = [part for key in ("controllers", "missing") if isinstance(part := stored.get(key), dict)]
-        frontier = {name for part in entries for name in part} == set(registry.names(task))
-        named = list(registry.names(task) if frontier else registry.rivals(task))
+        frontier = {name for part in entries for name in part} == set(names(task))
+        named = list(names(task, rivals=not frontier))
     named = [name for name in named if suits(name, condition)]
-    if not run_code and (code := [name for name in named if name.startswith(PREFIX)]):
+    if not run_code and (code := [name for name in named if name.startswith(CODE_PREFIX)]):
         raise ValueError(f"{code[0]} is Python code; read it, then run it with --run-code")
-    return make_comparison(condition, named)
+    there, absent = {}, {}
+    for name in (name for name in named if is_learned(name) and not name.startswith(MLP_PREFIX)):
+        seeds, ours = _seeds(stored, name), registry.seeds(name, **condition.designed)
+        there[name] = tuple(seed for seed in seeds if seed in ours)
+        if others := tuple(seed for seed in seeds if seed not in ours):
+            absent[name] = others
+    lacking = [name for name in absent if not there[name]]
+    # The run had no policy either.
+    without = [name for name in there if name in (stored.get("missing") or ()) and not _seeds(stored, name)]
+    made = make_comparison(condition, [name for name in named if name not in (*lacking, *without)], seeds=there)
+    return made._replace(missing=made.missing | dict.fromkeys(without, NO_POLICY)), absent
+
+
+def _seeds(stored: Mapping[str, Any], name: str) -> tuple[int, ...]:
+    """Training seeds of a stored controller; none where the entry is broken."""
+    entries = stored.get("controllers")
+    entry = entries.get(name) if isinstance(entries, dict) else None
+    seeds = entry.get("training_seeds") if isinstance(entry, dict) else None
+    return tuple(seeds) if isinstance(seeds, list) and all(type(seed) is int for seed in seeds) else ()
+
+
+def _without(result: dict[str, Any], comparison: Comparison, absent: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
+    """Entries of a result that do not depend on missing policies."""
+    if not absent:
+        return result
+    result = {key: part for key, part in result.items() if key not in _OF_RANKING}
+    result["controllers"] = {
+        name: entry if name not in absent else _of_seeds(entry, comparison.contenders[name].seeds)
+        for name, entry in result["controllers"].items()
+        if name not in absent or name in comparison.contenders
+    }
+    if isinstance(against := result.get("against"), dict) and all(isinstance(part, dict) for part in against.values()):
+        result["against"] = {
+            name: {other: part for other, part in ratios.items() if other not in absent}
+            for name, ratios in against.items()
+        }
+    return result
+
+
+def _of_seeds(entry: Mapping[str, Any], seeds: tuple[int, ...]) -> dict[str, Any]:
+    """Entry of a controller without the statistics over all training seeds, for some of them; broken ones unchanged."""
+    try:
+        rows = [entry["training_seeds"].index(seed) for seed in seeds]
+        files = [entry["origin"]["files"][row] for row in rows]
+        kept = {metric: [scores[row] for row in rows] for metric, scores in entry["kept"].items()}
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return dict(entry)
+    rest = {key: part for key, part in entry.items() if key != "metrics"}
+    return rest | {"training_seeds": list(seeds), "origin": {"files": files}, "kept": kept}
 
 
 def _heads(data: Mapping[str, Any], comparisons: list[Comparison]) -> Iterator[str]:

@@ -1,0 +1,360 @@
+"""Controllers: families and their settings. This is the one list; names, tables and pages follow from it.
+
+A family is one algorithm. A setting is one set of its gains, or of its reward in training. A controller's name is
+`FAMILY/SETTING`, or `FAMILY` for the default setting.
+"""
+
+import difflib
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
+
+from uvms_gym import _core
+from uvms_gym.controllers.base import ClassicalController
+from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
+from uvms_gym.controllers.model_based import (
+    DOB,
+    MPC,
+    NMPC,
+    AdaptiveDOB,
+    AdaptiveResolvedMotion,
+    ComputedTorque,
+    ResolvedMotion,
+)
+
+#: Names of tasks in environments' ids.
+TASKS = dict(_core.tasks())
+#: Reference controller of each task, and the teacher of a policy that is distilled for it.
+BASELINE = {"station-keep": "pd", "ee-track": "resolved", "dock": "dock-pd"}
+TEACHERS = {"station-keep": "dob", "ee-track": "resolved-dob", "dock": "dock-pd"}
+#: Prefixes of names of files: of a neural policy (`mlp:FILE`), and of Python code (`py:FILE.py:NAME`).
+MLP_PREFIX, CODE_PREFIX = "mlp:", "py:"
+#: Settings along the frontier of error against variation of commands, smoothest first.
+LEVELS = {
+    "still": "the smoothest commands, at the largest error",
+    "calm": "smooth commands",
+    "medium": "a compromise between error and smooth commands",
+    "quick": "a small error at a limited effort",
+    "free": "the smallest error, at any effort",
+}
+_STATION, _TRACK, _DOCK = (("station-keep",), ("ee-track",), ("dock",))
+_ALL = tuple(TASKS)
+
+
+class Limits(NamedTuple):
+    """Limits in tuning on effort and variation of commands, over the reference controller's; None: no limit."""
+
+    effort: float | None = 1.1
+    variation: float | None = None
+
+
+class Setting(NamedTuple):
+    """Setting of a family.
+
+    Attributes
+    ----------
+    about : str
+        Purpose, as half a sentence.
+    role : {"rival", "frontier", "bound"}
+        A rival takes part in every comparison, and its policy is in the package; "frontier": another limit on its
+        commands, or another price; "bound": it is shown the true, present state, without noise and delay.
+    gains : dict
+        Gains other than the class's defaults, beside the tuned ones.
+    limits : Limits
+        Limits in tuning.
+    base : str or None
+        Name of the controller that a residual policy corrects.
+    """
+
+    about: str
+    role: Literal["rival", "frontier", "bound"] = "rival"
+    gains: Mapping[str, Any] = {}
+    limits: Limits = Limits()
+    base: str | None = None
+
+
+class Family(NamedTuple):
+    """Family of controllers.
+
+    Attributes
+    ----------
+    about, use : str
+        One sentence each: the algorithm, and when to use it.
+    tasks : tuple of str
+    kind : type or None
+        Class; None for neural policies.
+    default : str
+        Default setting.
+    settings : mapping
+        Settings by name.
+    """
+
+    about: str
+    use: str
+    tasks: tuple[str, ...]
+    kind: type[ClassicalController] | None = None
+    default: str = "default"
+    settings: Mapping[str, Setting] = {"default": Setting("tuned for the smallest error")}
+
+
+def _levels(limits: Mapping[str, Limits], rivals: tuple[str, ...], **gains: Any) -> dict[str, Setting]:
+    """Settings along the frontier, in the order of `limits`."""
+    return {
+        level: Setting(LEVELS[level], "rival" if level in rivals else "frontier", gains, limit)
+        for level, limit in limits.items()
+    }
+
+
+def _observer(still: float, calm: float, medium: float, rivals: tuple[str, ...], **gains: Any) -> dict[str, Setting]:
+    """Settings of an observer that predicts over the delay; limits on variation over the reference controller's."""
+    limits = {"still": Limits(variation=still), "calm": Limits(variation=calm), "medium": Limits(variation=medium)}
+    free = Limits(None)
+    return {
+        **_levels({**limits, "quick": Limits(), "free": free}, rivals, **gains),
+        "wide": Setting("for a vehicle, a delay and thrusters that are known poorly", gains=gains),
+        "informed": Setting("bound: no noise, no delay, the true state", "bound", gains, free),
+    }
+
+
+_PRICES = dict.fromkeys(LEVELS, Limits())
+_WIDE = Setting("trained on vehicles, delays and thrusters that are known poorly")
+FAMILIES: dict[str, Family] = {
+    "none": Family(
+        "Zero action.", "To see what the disturbance does.", _ALL, NoControl, settings={"default": Setting("no gains")}
+    ),
+    "pd": Family(
+        "PD on the vehicle's pose error and velocity.",
+        "As the reference of station keeping: the paper's controller, without a model.",
+        _STATION,
+        PD,
+    ),
+    "pd-restoring": Family(
+        "PD that cancels weight and buoyancy.", "For vehicles that are not neutral.", _STATION, PDRestoring
+    ),
+    "pid": Family(
+        "PD with an integral of the pose error.", "Against steady disturbances, without a model.", _STATION, PID
+    ),
+    "dob": Family(
+        "PD with a disturbance observer, which the scene's model predicts over the sensors' delay.",
+        "First choice of the classical controllers for station keeping.",
+        _STATION,
+        DOB,
+        "quick",
+        {
+            "plain": Setting("without prediction over the delay"),
+            **_observer(0.6, 1.2, 2.4, ("calm", "quick"), delay=None),
+        },
+    ),
+    "dob-adaptive": Family(
+        "Disturbance observers on a bank of models that differ in delay and thrust, weighed by their innovations.",
+        "Where the delay or the thrust is not known.",
+        _STATION,
+        AdaptiveDOB,
+    ),
+    "computed-torque": Family(
+        "Inverse dynamics of vehicle and arm, with the observer of `dob`.",
+        "Where the arm moves fast and the model is good.",
+        _STATION,
+        ComputedTorque,
+    ),
+    "mpc": Family(
+        "Linear model-predictive control within the thrusters' limits, with the observer of `dob`.",
+        "Where thrusters saturate.",
+        _STATION,
+        MPC,
+        "quick",
+        _levels({"quick": Limits(variation=4.8), "free": Limits(None)}, ("quick",)),
+    ),
+    "nmpc": Family(
+        "Nonlinear model-predictive control by real-time iterations, with the observer of `dob`.",
+        "For large motions, where milliseconds per control period are available.",
+        (*_STATION, *_TRACK),
+        NMPC,
+        settings={"default": Setting("tuned for the smallest error", limits=Limits(variation=4.8))},
+    ),
+    "resolved": Family(
+        "Resolved motion: the vehicle and the arm share the end effector's motion, by inverse dynamics.",
+        "As the reference of end-effector tracking.",
+        _TRACK,
+        ResolvedMotion,
+    ),
+    "resolved-pid": Family(
+        "Resolved motion with an integral of the end effector's error.",
+        "Against steady disturbances, without an observer.",
+        _TRACK,
+        ResolvedMotion,
+        settings={"default": Setting("tuned for the smallest error", gains={"integral_gain": 0.5})},
+    ),
+    "resolved-dob": Family(
+        "Resolved motion with a disturbance observer, which the scene's model predicts over the sensors' delay.",
+        "First choice of the classical controllers for end-effector tracking.",
+        _TRACK,
+        ResolvedMotion,
+        "quick",
+        _observer(1.0, 1.5, 2.2, ("quick",), observer_bandwidth=(4.0, 4.0, 8.0), delay=None),
+    ),
+    "resolved-adaptive": Family(
+        "Resolved motion on a bank of models that differ in delay and thrust, weighed by their innovations.",
+        "Where the delay or the thrust is not known.",
+        _TRACK,
+        AdaptiveResolvedMotion,
+    ),
+    "dock-pd": Family(
+        "PD with a limited approach speed.",
+        "As the reference of docking.",
+        _DOCK,
+        DockPD,
+        settings={"default": Setting("gains of the scene")},
+    ),
+    "ppo": Family(
+        "Neural policy, trained from scratch by PPO with an asymmetric critic.",
+        "Where only rewards are known; its training needs no gradient.",
+        _ALL,
+        default="medium",
+        settings=_levels(_PRICES, ("medium",)),
+    ),
+    "shac": Family(
+        "Neural policy, trained from scratch by gradients through the simulator (SHAC).",
+        "First choice of the policies for end-effector tracking: less than a minute of training.",
+        _TRACK,
+        default="medium",
+        settings={**_levels(_PRICES, ("medium",)), "wide": _WIDE},
+    ),
+    "shac-distilled": Family(
+        "Neural policy that imitates `dob` at first, and is then improved by SHAC.",
+        "First choice of the policies for station keeping.",
+        _STATION,
+        default="quick",
+        settings={**_levels(_PRICES, ("calm", "quick")), "wide": _WIDE},
+    ),
+    "residual": Family(
+        "Neural correction to the actions of a classical controller, trained by PPO.",
+        "Where most of the action is to come from a controller that is well understood.",
+        (*_STATION, *_TRACK),
+        default="dob",
+        settings={
+            base: Setting(f"at most 0.3 of the range of actions, on `{base}`", base=base)
+            for base in ("pd", "dob", "resolved-dob")
+        },
+    ),
+}
+
+
+class ControllerEntry(NamedTuple):
+    """Controller of the list: canonical name, family and setting."""
+
+    name: str
+    family: Family
+    setting: Setting
+
+    @property
+    def kind(self) -> type[ClassicalController] | None:
+        """Class; None for neural policies."""
+        return self.family.kind
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks; of a residual policy those of its base."""
+        base = self.setting.base
+        return self.family.tasks if base is None else CONTROLLERS[base].tasks
+
+    def make(self, gains: Mapping[str, Any], env: Any = None, **options: Any) -> ClassicalController:
+        """Make a classical controller with these gains and the setting's own."""
+        assert self.kind is not None
+        return self.kind(env, **{**self.setting.gains, **gains, **options})
+
+
+def _joined(family: str, setting: str) -> str:
+    return family if setting == FAMILIES[family].default else f"{family}/{setting}"
+
+
+#: All controllers by canonical name.
+CONTROLLERS = {
+    name: ControllerEntry(name, family, setting)
+    for key, family in FAMILIES.items()
+    for variant, setting in family.settings.items()
+    for name in [_joined(key, variant)]
+}
+
+
+def split(name: str) -> tuple[str, str]:
+    """Family and setting of a canonical name; of a file the file and "default"."""
+    key, _, variant = name.partition("/")
+    return (name, "default") if is_file(name) else (key, variant or FAMILIES[key].default)
+
+
+def names(task: str | None = None, learned: bool | None = None, rivals: bool = False) -> tuple[str, ...]:
+    """Names of controllers.
+
+    Parameters
+    ----------
+    task : str or None
+        Task, such as "station-keep"; None: all.
+    learned : bool or None
+        True: neural policies only; False: classical controllers only.
+    rivals : bool
+        Without settings along the frontier and bounds.
+    """
+    return tuple(
+        name
+        for name, entry in CONTROLLERS.items()
+        if (task is None or task in entry.tasks)
+        and (learned is None or (entry.kind is None) == learned)
+        and (not rivals or entry.setting.role == "rival")
+    )
+
+
+def is_bound(name: str) -> bool:
+    """True for a controller that comparisons show the true, present state: it bounds the others."""
+    return name in CONTROLLERS and CONTROLLERS[name].setting.role == "bound"
+
+
+def is_learned(name: str) -> bool:
+    """True for a neural policy, and for a controller that one corrects."""
+    return name.startswith(MLP_PREFIX) or (name in CONTROLLERS and CONTROLLERS[name].kind is None)
+
+
+def is_file(name: str) -> bool:
+    """True for `mlp:FILE` and `py:FILE.py:NAME`."""
+    return name.startswith((MLP_PREFIX, CODE_PREFIX))
+
+
+def canonical(name: str, setting: str | None = None, task: str | None = None) -> str:
+    """Canonical name of a controller; names of files are returned as they are.
+
+    Parameters
+    ----------
+    name : str
+        `FAMILY`, `FAMILY/SETTING`, or a file.
+    setting : str or None
+        Setting; None: the one in the name, or the family's default.
+    task : str or None
+        Task that the controller must be for.
+
+    Raises
+    ------
+    ValueError
+        An unknown family or setting, or a controller of another task; the message has the close matches.
+    """
+    if is_file(name) and setting is None:
+        return name
+    given = name if setting is None else f"{name}/{setting}"
+    key, _, variant = given.partition("/")
+    if (family := FAMILIES.get(key)) is None:
+        close = difflib.get_close_matches(given.replace("-", "/"), CONTROLLERS, 3, 0.7)
+        close += [one for one in difflib.get_close_matches(given, CONTROLLERS, 3) if one not in close]
+        hint = f"close to it: {', '.join(close[:4])}" if close else f"known: {', '.join(_families(task))}"
+        raise ValueError(f"unknown controller {given!r}; {hint}; `uvms controllers` lists all")
+    if variant and variant not in family.settings:
+        close = difflib.get_close_matches(variant, family.settings, 1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        raise ValueError(f"{key} has no setting {variant!r}; {hint}its settings: {', '.join(family.settings)}")
+    found = _joined(key, variant or family.default)
+    if task is not None and task not in CONTROLLERS[found].tasks:
+        others = [one for one in names(task) if one.partition("/")[0] == key] or _families(task)
+        raise ValueError(f"controller {found!r} is not for {TASKS[task]}; for it: {', '.join(others)}")
+    return found
+
+
+def _families(task: str | None) -> list[str]:
+    """Families with a controller of a task."""
+    return list(dict.fromkeys(name.partition("/")[0] for name in names(task)))
