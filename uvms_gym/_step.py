@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym._core import Simulator
+from uvms_gym._rotations import matrices, unit
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ class Call:
         inputs: dict[str, Any] = dict(zip(self.inputs, values[1 : 1 + len(self.inputs)], strict=True))
         if "pose_target" in inputs:
             pose = inputs["pose_target"]
-            inputs["pose_target"] = (pose[:, :3], _rotations(pose[:, 3:]))
+            inputs["pose_target"] = (pose[:, :3], matrices(unit(pose[:, 3:])))
         return inputs
 
 
@@ -101,7 +102,7 @@ def pull_back(call: Call, values: Sequence[Floats], end: Floats, checkpoint: Flo
     simulator = call.simulator
     now = simulator.__getstate__()
     turn = np.einsum("nji,nj->ni", _quaternion_rates(end[:, 3:7]), cotangent[:, 3:7])
-    move = np.einsum("nji,nj->ni", _rotations(end[:, 3:7]), cotangent[:, :3])
+    move = np.einsum("nji,nj->ni", matrices(unit(end[:, 3:7])), cotangent[:, :3])
     local = np.concatenate([move, turn, cotangent[:, 7:]], axis=1)
     simulator.__setstate__(checkpoint)
     try:
@@ -137,7 +138,7 @@ def _has_thrusts(simulator: Simulator) -> bool:
 def _of_pose(local: Floats, pose: Floats) -> Floats:
     """Cotangent by position and quaternion, in the first 7 columns, from that by the local coordinates of the pose."""
     quaternion = pose[:, 3:7]
-    move = np.einsum("nij,nj->ni", _rotations(quaternion), local[:, :3])
+    move = np.einsum("nij,nj->ni", matrices(unit(quaternion)), local[:, :3])
     # w = 4 E^T dq of a unit quaternion; changes of length do nothing.
     size = np.linalg.norm(quaternion, axis=1, keepdims=True)
     turn = 4.0 * np.einsum("nij,nj->ni", _quaternion_rates(quaternion / size), local[:, 3:6]) / size
@@ -148,17 +149,6 @@ def _quaternion_rates(quaternion: Floats) -> Floats:
     """E (N, 4, 3) with q' = E omega, omega in body axes. [F21 eq. 2.86]"""
     w, x, y, z = quaternion.T
     return 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]).transpose(2, 0, 1)
-
-
-def _rotations(quaternion: Floats) -> Floats:
-    """Rotation matrices (N, 3, 3) of quaternions of any length."""
-    w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
 
 
 def call_of(

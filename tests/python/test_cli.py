@@ -12,7 +12,7 @@ import pytest
 import uvms_gym
 from uvms_gym.cli import main
 from uvms_gym.controllers import NoControl
-from uvms_gym.studies.numerics import hermite_cubic
+from uvms_gym.logs.interpolation import hermite
 from uvms_gym.studies.paper import arm_motion, momentum
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -99,7 +99,7 @@ def test_an_uncontrolled_vehicle_moves_much_more_than_a_controlled_one(reproduct
 
 def test_cubic_meets_values_and_rates_at_both_ends() -> None:
     start, end = (np.array([1.0]), np.array([-2.0])), (np.array([0.5]), np.array([3.0]))
-    cubic = np.polynomial.Polynomial(hermite_cubic(start, end, 0.7)[0])
+    cubic = np.polynomial.Polynomial(hermite(start, end, 0.7)[0])
     rate = cubic.deriv()
     assert [cubic(0.0), rate(0.0), cubic(0.7), rate(0.7)] == pytest.approx([1.0, -2.0, 0.5, 3.0])
 

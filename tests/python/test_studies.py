@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from uvms_gym import studies
-from uvms_gym.studies.numerics import convergence_order, loglog_interpolation, rotation_distance
+from uvms_gym._rotations import distances
+from uvms_gym.studies.numerics import convergence_order, loglog_interpolation
 
 #: Modules that import a peer; others import these only when they need them.
 PEERS = ("uvms_gym.studies.speed.mujoco_model", "uvms_gym.studies.speed.pinocchio_model")
@@ -43,4 +44,4 @@ def test_the_distance_of_rotations_is_their_angle() -> None:
     for angle in (1e-9, 0.5, 3.0):
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        assert rotation_distance(rotation, np.eye(3)) == pytest.approx(angle, rel=1e-7)
+        assert distances(rotation, np.eye(3)) == pytest.approx(angle, rel=1e-7)

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.logs import Log, LogError, interpolation, rotations
+from uvms_gym import _rotations as rotations
+from uvms_gym.logs import Log, LogError, interpolation
 
 Floats = NDArray[np.float64]
 
@@ -40,25 +41,17 @@ ANGLES = [0, 1, 2]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """Trial on a grid of times.
+    """Trial on a grid of times."""
 
-    Attributes
-    ----------
-    log : Log
-        The trial's log.
-    start, period : float
-        First time and interval, s.
-    measured : numpy.ndarray (n + 1, 12)
-        Measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of the
-        position's axes.
-    initial : numpy.ndarray (12,)
-        The same at the start, by regression over the first samples; velocities in body axes.
-    """
-
+    #: The trial's log.
     log: Log
+    #: First time and interval, s.
     start: float
     period: float
+    #: (n + 1, 12) measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of
+    #: the position's axes.
     measured: Floats
+    #: (12,) the same at the start, by regression over the first samples; velocities in body axes.
     initial: Floats
 
     @property
@@ -93,8 +86,7 @@ class Recording:
         moving = (wanted == at)[:, None]
         value = interpolation.linear(time, value, at)
         slope = np.where(moving, interpolation.linear(time, slope, at), 0.0)
-        pieces = interpolation.hermite(value[:-1], value[1:], slope[:-1], slope[1:], self.period)
-        return np.stack(pieces, axis=-1)
+        return interpolation.hermite((value[:-1], slope[:-1]), (value[1:], slope[1:]), self.period)
 
     @cached_property
     def _smoothed(self) -> tuple[Floats, Floats, Floats]:
@@ -128,13 +120,7 @@ class Recording:
 
 
 def record(log: Log, period: float = PERIOD) -> Recording:
-    """Recording of a log.
-
-    Raises
-    ------
-    LogError
-        No attitude, or joints whose gaps leave less than a second.
-    """
+    """Recording of a log."""
     kinds = [kind for kind in ("joints", "thrusters") if kind in log.channels]
     spans = log.spans(*kinds) if kinds else np.array([[log.start, log.end]])
     if len(spans) == 0:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym import _rotations as rotations
 from uvms_gym._core import Simulator
 from uvms_gym.identification.recordings import ANGLES, Floats, Recording, padded
-from uvms_gym.logs import LogError, interpolation, rotations
+from uvms_gym.logs import LogError, interpolation
 
 #: Steps of the integrator for a floating vehicle, one with thrusters, and one with servos in its arm, s. At 0.1 s the
 #: error of a floating vehicle reaches 2 % of its motion after 6 s.
@@ -22,34 +23,21 @@ _UPENDED = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 @dataclass(frozen=True)
 class Corrections:
-    """Corrections of logs by parameters of a map.
+    """Corrections of logs by parameters of a map."""
 
-    Attributes
-    ----------
-    zeros : numpy.ndarray (joints,) or None
-        Further zeros of the joints, rad or m: q = logged - zero.
-    scales : numpy.ndarray (thrusters,) or None
-        Factors on commands.
-    lags : dict of str to float
-        Further lateness of the stamps of "joints", "thrusters" and "imu", s.
-    """
-
+    #: (joints,) further zeros of the joints, rad or m: q = logged - zero.
     zeros: Floats | None = None
+    #: (thrusters,) factors on commands.
     scales: Floats | None = None
+    #: Further lateness of the stamps of "joints", "thrusters" and "imu", s.
     lags: dict[str, float] = field(default_factory=dict)
 
 
 class Replay:
     """Inputs of all trials, side by side.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Trials, of one period.
-    thrusters : bool
-        True: thrust as commanded in the logs; False: off.
-    prescribed : bool
-        True: the joints move as in the logs; False: the scene's servos follow the logs.
+    All recordings have the same period. `thrusters` gives thrust as commanded in the logs, else none; with `prescribed`
+    the joints move as in the logs, else the scene's servos follow them.
     """
 
     def __init__(self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True) -> None:
@@ -114,16 +102,8 @@ class Replay:
     ) -> Floats:
         """Predict the motion of the vehicle.
 
-        Parameters
-        ----------
-        scene : dict
-            Complete scene.
-        corrections : Corrections, optional
-            Corrections of the logs.
-        initial : numpy.ndarray (N, 12), optional
-            Channels at the start; default as measured.
-        current : numpy.ndarray (N, 3), optional
-            Velocity of the water in world axes, m/s, besides that of the scene.
+        `initial` (N, 12): channels at the start; default as measured. `current` (N, 3): velocity of the water in world
+        axes, m/s, besides that of the scene.
 
         Returns
         -------
@@ -213,7 +193,7 @@ def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
     up = poses[:, :, 2, :3]
     net = np.sum(wrenches[0, :, :3] * up[0], axis=-1)
     # s = sum over two directions of up x moment, and the part along both: least squares.
-    cross = -_skew(up)
+    cross = -rotations.skew(up)
     rows = np.concatenate(list(cross), axis=1)
     moments = np.concatenate([wrenches[0, :, 3:], wrenches[1, :, 3:]], axis=1)
     s = np.einsum("bij,bj->bi", np.linalg.pinv(rows), moments)
@@ -225,21 +205,8 @@ def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
     return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
 
 
-def _skew(v: Floats) -> Floats:
-    """Matrices (..., 3, 3) of v (..., 3): skew(v) w = v x w."""
-    x, y, z = np.moveaxis(v, -1, 0)
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
-
-
 def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
-    """Refuse logs that lack the joints of a scene.
-
-    Raises
-    ------
-    LogError
-        The message names trial and joints.
-    """
+    """Refuse logs that lack the joints of a scene."""
     names = tuple(Simulator(scene).joint_names)
     for r in recordings:
         found = r.log.joints.names if r.log.joints is not None else ()

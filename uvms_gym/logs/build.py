@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.logs import rotations
+from uvms_gym import _rotations as rotations
 from uvms_gym.logs.channel_map import Axis, ChannelMap, Columns
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError
@@ -28,22 +28,7 @@ Mask = NDArray[np.bool_]
 
 
 def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
-    """Channel of a table.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the channel.
-    found : ChannelMap
-        Its map.
-    table : Table
-        Its numbers.
-
-    Raises
-    ------
-    LogError
-        Stamps that run backwards, a quaternion that is none, or fewer than two samples.
-    """
+    """Channel of a table."""
     time = _time(table, found)
     dropped: dict[str, int] = {}
     keep = np.diff(time, prepend=-np.inf) > 0.0

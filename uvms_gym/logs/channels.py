@@ -9,7 +9,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym.logs import interpolation, rotations
+from uvms_gym import _rotations as rotations
+from uvms_gym.logs import interpolation
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.units import Floats
 
@@ -288,7 +289,7 @@ class Joints(Channel):
             value, slope = interpolation.local_quadratic(time, position, knots, smoothing)
         else:
             value, slope = interpolation.pchip(time, position, knots)
-        return np.stack(interpolation.hermite(value[:-1], value[1:], slope[:-1], slope[1:], dt), axis=-1)
+        return interpolation.hermite((value[:-1], slope[:-1]), (value[1:], slope[1:]), dt)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -39,25 +39,24 @@ def pchip(time: Floats, values: Floats, times: Floats) -> tuple[Floats, Floats]:
     k = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
     h = (time[k + 1] - time[k])[:, None]
     t = (times - time[k])[:, None]
-    c = hermite(values[k], values[k + 1], slopes[k], slopes[k + 1], h)
+    c = np.moveaxis(hermite((values[k], slopes[k]), (values[k + 1], slopes[k + 1]), h), -1, 0)
     return c[0] + t * (c[1] + t * (c[2] + t * c[3])), c[1] + t * (2.0 * c[2] + t * 3.0 * c[3])
 
 
-def hermite(a: Floats, b: Floats, slope_a: Floats, slope_b: Floats, h: Floats | float) -> tuple[Floats, ...]:
-    """Coefficients c0 to c3 of the cubics over [0, h] with the given values and slopes at both ends."""
+def hermite(start: tuple[Floats, Floats], end: tuple[Floats, Floats], h: Floats | float) -> Floats:
+    """Coefficients (..., 4) of the cubics over [0, h] with given values and slopes (...) at both ends."""
+    (a, slope_a), (b, slope_b) = start, end
     d = (b - a) / h
-    return a, slope_a, (3.0 * d - 2.0 * slope_a - slope_b) / h, (slope_a + slope_b - 2.0 * d) / (h * h)
+    return np.stack(
+        [a, slope_a, (3.0 * d - 2.0 * slope_a - slope_b) / h, (slope_a + slope_b - 2.0 * d) / h**2], axis=-1
+    )
 
 
 def local_quadratic(time: Floats, values: Floats, times: Floats, width: float) -> tuple[Floats, Floats]:
     """Local quadratic regression with Gaussian weights: values and slopes at times (m,), each (m, k).
 
-    Parameters
-    ----------
-    time, values : numpy.ndarray (n,), (n, k)
-        Sorted stamps, at least four, and samples.
-    width : float
-        Standard deviation of the weights, s; where samples are sparse, the mean of the four intervals around.
+    `time` (n,), at least four sorted stamps, and `values` (n, k) are the samples; `width` is the standard deviation of
+    the weights, s, or the mean of the four intervals around where samples are sparse.
     """
     last = len(time) - 1
     i = np.arange(last + 1)

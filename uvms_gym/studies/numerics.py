@@ -1,11 +1,12 @@
 """Small numerical helpers that several studies share."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym._rotations import distances
 
 Floats = NDArray[np.float64]
 
@@ -15,23 +16,25 @@ def convergence_order(steps: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
-def hermite_cubic(start: tuple[Floats, Floats], end: tuple[Floats, Floats], length: float) -> Floats:
-    """Coefficients (..., 4) of the cubics with given values and rates (...) at both ends of an interval."""
-    (a, da), (b, db) = start, end
-    quadratic = (3.0 * (b - a) / length - 2.0 * da - db) / length
-    return np.stack([a, da, quadratic, (2.0 * (a - b) / length + da + db) / length**2], axis=-1)
-
-
 def median_and_worst(values: Floats) -> dict[str, float]:
     """Median and maximum of an ensemble (N,)."""
     return {"median": float(np.median(values)), "worst": float(values.max())}
 
 
-def rotation_distance(a: Floats, b: Floats) -> Floats:
-    """Angles (...) between rotation matrices (..., 3, 3), rad, accurate for small ones."""
-    # |A - B| = 2 sqrt(2) sin(angle / 2)
-    chord = np.linalg.norm(a - b, axis=(-2, -1)) / math.sqrt(8.0)
-    return np.asarray(2.0 * np.arcsin(np.minimum(chord, 1.0)))
+def state_errors(run: Any, truth: Any) -> dict[str, Floats]:
+    """Errors (...) of a run by quantity, m and rad; infinite where a number is not finite.
+
+    Both have `position` (..., 3), `rotation` (..., 3, 3), `q` (..., n) and `end_effector` (..., 3).
+    """
+    # A diverging run may overflow.
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = {
+            "position": np.linalg.norm(run.position - truth.position, axis=-1),
+            "attitude": distances(run.rotation, truth.rotation),
+            "joints": np.abs(run.q - truth.q).max(axis=-1, initial=0.0),
+            "end_effector": np.linalg.norm(run.end_effector - truth.end_effector, axis=-1),
+        }
+    return {name: np.where(np.isfinite(error), error, np.inf) for name, error in errors.items()}
 
 
 def loglog_interpolation(x: ArrayLike, y: ArrayLike, at: float) -> float:

@@ -8,6 +8,7 @@ import viser.transforms
 from numpy.typing import NDArray
 
 from uvms_gym import Renderer, Simulator
+from uvms_gym._rotations import unit
 from uvms_gym.viewer.episode import Frame, Target
 from uvms_gym.viewer.shapes import dock_glb, link_glbs, payload_radius, vehicle_glb, vehicle_size
 
@@ -23,12 +24,7 @@ _NARROW = 576
 class World:
     """Objects of one scene on a server, under one frame.
 
-    Attributes
-    ----------
-    gizmo : viser.TransformControlsHandle
-        Handles of the target.
-    follow : bool
-        True where the frame moves so that the vehicle stays at the origin.
+    `gizmo`: handles of the target. `follow`: True where the frame moves so that the vehicle stays at the origin.
     """
 
     def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target, dock: bool = False) -> None:
@@ -121,12 +117,7 @@ class World:
     def place_camera(self, camera: viser.InitialCameraConfig | viser.CameraHandle, width: int = 1280) -> None:
         """Look at the vehicle from the side of the software renderer's pictures, beside or above the controls.
 
-        Parameters
-        ----------
-        camera : viser.InitialCameraConfig or viser.CameraHandle
-            Camera of coming browsers, or of one that is open.
-        width : int
-            Width of the browser's picture, px.
+        `camera`: camera of coming browsers, or of one that is open. `width`: width of the browser's picture, px.
         """
         azimuth, elevation = -0.95, 0.32
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -161,8 +152,7 @@ def _blend_rotations(a: Floats, b: Floats, share: float) -> Floats:
     """Unit quaternions (k, 4) between rotation matrices (k, 3, 3): normalised linear interpolation."""
     p, q = (viser.transforms.SO3.from_matrix(rotations).wxyz for rotations in (a, b))
     q = np.where(np.sum(p * q, axis=-1, keepdims=True) < 0.0, -q, q)
-    blended = _blend(p, q, share)
-    return np.asarray(blended / np.linalg.norm(blended, axis=-1, keepdims=True))
+    return unit(_blend(p, q, share))
 
 
 def _brackets(centre: Floats, size: Floats) -> NDArray[np.float32]:

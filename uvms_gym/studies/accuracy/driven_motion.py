@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym import Simulator, StepWarning
-from uvms_gym.studies.numerics import Floats, hermite_cubic, joints
+from uvms_gym.logs.interpolation import hermite
+from uvms_gym.studies.numerics import Floats, joints
 
 #: Control period, s: wrenches are held over it, and joint references are one cubic.
 PERIOD = 0.1
@@ -76,13 +77,7 @@ class Track(NamedTuple):
 
 
 def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) -> Motion:
-    """Draw the drive of an ensemble, and run it for `LEAD` seconds before the start.
-
-    Raises
-    ------
-    ValueError
-        The scene is too stiff: the motion leaves the finite numbers before the start.
-    """
+    """Draw the drive of an ensemble, and run it for `LEAD` seconds before the start."""
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene, episodes, dt=LEAD_STEP)
     fixed = bool(scene["vehicle"]["fixed"])
@@ -222,4 +217,4 @@ def _spline(values: Floats, end_rates: Floats) -> Floats:
     right[1:-1] = 3.0 / PERIOD * (values[2:] - values[:-2])
     right[[0, -1]] = end_rates
     slopes = np.asarray(np.linalg.solve(matrix, right.reshape(count, -1)), dtype=np.float64).reshape(values.shape)
-    return hermite_cubic((values[:-1], slopes[:-1]), (values[1:], slopes[1:]), PERIOD)
+    return hermite((values[:-1], slopes[:-1]), (values[1:], slopes[1:]), PERIOD)

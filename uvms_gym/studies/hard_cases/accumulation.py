@@ -1,7 +1,7 @@
 """Cases that look harmless step by step: spins, swings and rotors whose small errors add up within seconds."""
 
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,17 @@ from uvms_gym.studies.hard_cases.case import (
     Reference,
     Scene,
     instants,
+    link,
+    motion,
     single_body,
+    with_arm,
 )
-from uvms_gym.studies.hard_cases.reference_solutions import Top, force_free_motion, rotation_about
+from uvms_gym.studies.hard_cases.reference_solutions import Top, force_free_reference, precession, solve_twice
 from uvms_gym.studies.hard_cases.secular import GRAVITY
-from uvms_gym.studies.hard_cases.spinning import run_top, top_reference
+from uvms_gym.studies.hard_cases.spinning import top_case
 from uvms_gym.studies.numerics import Floats
 
 INTERVAL = 0.5
-Z = np.eye(3)[2]
 Steps = Mapping[int, float]
 #: Options of cases whose rounding in float32 adds up, and of those whose warnings set an angle of many turns against
 #: a radian.
@@ -45,8 +47,7 @@ def make_case(
     return Case(name, description, run, reference, steps, INTERVAL, reason=reason, **more)
 
 
-# Free bodies with two equal moments, `transverse`: precession about the angular momentum H at |H| / transverse, and
-# rotation about their axis z at w_3 - H_3 / transverse.
+# Free bodies with two equal moments, transverse and axial.
 
 
 def _symmetric(
@@ -58,21 +59,12 @@ def _symmetric(
     steps: Steps,
     **more: Any,
 ) -> Case:
-    (transverse, axial), start, times = moments, np.array(spin), instants(INTERVAL, round(seconds / INTERVAL))
-    inertia = np.array([transverse, transverse, axial])
-
-    def run(runner: CaseRunner) -> Quantities:
-        s = runner.simulator(single_body(name, {"mass": 1.0, "inertia": inertia.tolist()}))
-        s.set_state(twist=np.concatenate([np.zeros(3), start]))
-        return runner.sampled(s, times, ["attitude", "rate"])
+    (transverse, axial), times = moments, instants(INTERVAL, round(seconds / INTERVAL))
+    scene = single_body(name, {"mass": 1.0, "inertia": [transverse, transverse, axial]})
+    run = motion(scene, times, ["attitude", "rate"], twist=[0.0, 0.0, 0.0, *spin])
 
     def reference() -> Reference:
-        momentum = inertia * start
-        size = float(np.linalg.norm(momentum))
-        turned = rotation_about(Z, (start[2] - momentum[2] / transverse) * times)
-        attitude = rotation_about(momentum / size, size / transverse * times) @ turned
-        values = {"attitude": attitude, "rate": (np.swapaxes(attitude, 1, 2) @ momentum) / inertia}
-        return Reference(values, "closed form")
+        return Reference(precession(transverse, axial, np.array(spin), times), "closed form")
 
     return make_case(name, f"{about}, {seconds:g} s: attitude and rate every 0.5 s", run, reference, steps, **more)
 
@@ -121,10 +113,9 @@ def _tumble(
     steps: Steps,
     **more: Any,
 ) -> Case:
-    top, times = Top(np.array(inertia), np.array(spin)), instants(INTERVAL, round(seconds / INTERVAL))
     about = f"{about}, {seconds:g} s: attitude and rate every 0.5 s"
-    run = partial(run_top, name=name, top=top, times=times)
-    return make_case(name, about, run, cache(lambda: top_reference(top, times)), steps, **more)
+    top, times = Top(np.array(inertia), np.array(spin)), instants(INTERVAL, round(seconds / INTERVAL))
+    return top_case(name, about, name, top, times, steps=steps, interval=INTERVAL, **more)
 
 
 TUMBLES = (
@@ -156,29 +147,17 @@ TUMBLES = (
 
 
 def _ideal(
-    name: str,
-    about: str,
-    body: Scene,
-    twist: tuple[float, ...],
-    seconds: float,
-    steps: Steps,
-    **more: Any,
+    name: str, about: str, body: Scene, twist: tuple[float, ...], seconds: float, steps: Steps, **more: Any
 ) -> Case:
     times = instants(INTERVAL, round(seconds / INTERVAL))
-
-    def run(runner: CaseRunner) -> Quantities:
-        s = runner.simulator(single_body(name, body, 1000.0))
-        s.set_state(twist=twist)
-        return runner.sampled(s, times, ["position", "attitude", "twist"])
+    run = motion(single_body(name, body, 1000.0), times, ["position", "attitude", "twist"], twist=twist)
 
     @cache
     def reference() -> Reference:
         rigid = np.diag([body["mass"]] * 3 + list(body["inertia"]))
         added = np.array(body["added_mass"])
         inertia = rigid + (np.diag(added) if added.ndim == 1 else added)
-        fine, coarse = (force_free_motion(inertia, np.array(twist), times, tolerance) for tolerance in (1e-13, 1e-11))
-        uncertainty = max(float(np.abs(fine[key] - coarse[key]).max()) for key in fine)
-        return Reference(fine, "Kirchhoff's equations for the impulse, by SciPy, two tolerances", uncertainty)
+        return force_free_reference(inertia, np.array(twist), times)
 
     about = f"{about}, {seconds:g} s: pose and twist every 0.5 s"
     return make_case(name, about, run, reference, steps, **more)
@@ -229,33 +208,21 @@ def _pendulum(
     times = instants(INTERVAL, round(seconds / INTERVAL))
     mass, com, central = PENDULUM.values()
 
-    def run(runner: CaseRunner) -> Quantities:
-        link = {"mass": mass, "center_of_mass": [0.0, 0.0, -com], "inertia": [central] * 3}
-        joint = {"kind": "revolute", "axis": [0.0, 1.0, 0.0], "friction": {"viscous": drag}}
-        scene = single_body(name, {"mass": 1.0, "inertia": [1.0] * 3}, gravity=[0.0, 0.0, -GRAVITY])
-        scene["vehicle"]["fixed"] = True
-        scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
-        s = runner.simulator(scene)
-        s.set_state(q=[start[0]], qd=[start[1]])
-        return runner.sampled(s, times, ["q", "q'"])
+    body = {"mass": mass, "center_of_mass": [0.0, 0.0, -com], "inertia": [central] * 3}
+    scene = single_body(name, {"mass": 1.0, "inertia": [1.0] * 3}, gravity=[0.0, 0.0, -GRAVITY])
+    scene = with_arm(scene, link("link", body, 1, friction={"viscous": drag}), fixed=True)
+    run = motion(scene, times, ["q", "q'"], q=[start[0]], qd=[start[1]])
 
     @cache
     def reference() -> Reference:
-        from scipy.integrate import solve_ivp
-
         inertia = central + mass * com * com
 
         def rates(_: float, y: Floats) -> list[float]:
             return [y[1], -(mass * GRAVITY * com * np.sin(y[0]) + drag * y[1]) / inertia]
 
-        fine, coarse = (
-            solve_ivp(rates, (0.0, times[-1]), start, "DOP853", times, rtol=rtol, atol=rtol).y
-            for rtol in (1e-13, 1e-11)
-        )
-        values = {"q": fine[0][:, None], "q'": fine[1][:, None]}
-        return Reference(
-            values, "equation of the pendulum, by SciPy, two tolerances", float(np.abs(fine - coarse).max())
-        )
+        (q, qd), uncertainty = solve_twice(rates, start, times)
+        values = {"q": q[:, None], "q'": qd[:, None]}
+        return Reference(values, "equation of the pendulum, by SciPy, two tolerances", uncertainty)
 
     return make_case(name, f"{about}, {seconds:g} s: joint every 0.5 s", run, reference, steps, **more)
 

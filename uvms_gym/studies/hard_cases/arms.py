@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
+from uvms_gym._rotations import about
 from uvms_gym.studies.hard_cases.case import (
     Case,
     CaseRunner,
@@ -15,20 +16,13 @@ from uvms_gym.studies.hard_cases.case import (
     Scene,
     converged,
     instants,
+    link,
+    motion,
     single_body,
+    with_arm,
 )
-from uvms_gym.studies.hard_cases.reference_solutions import rotation_about
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.paper.momentum import conservative_scene
-
-
-def _arm(name: str, vehicle: Scene, joint: Scene, link: Scene, density: float = 0.0) -> Scene:
-    """Make the scene of a vehicle with one link."""
-    scene = single_body(name, vehicle, density)
-    joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0]} | joint
-    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
-    return scene
-
 
 # A link of a millionth of the vehicle's mass, on a steadily rotating vehicle: the centrifugal force makes it a
 # pendulum, q'' = -mu r l / (I_c + mu l^2) Omega^2 sin q, mu the reduced mass of both. Its effect on the vehicle's
@@ -37,14 +31,12 @@ LIGHT = {"mass": 1e-6, "hinge": 0.03, "com": 0.03, "spin": 2.0, "start": 1.0}
 LIGHT_TIMES = instants(0.5, 20)
 
 
-def _run_light(runner: CaseRunner) -> Quantities:
-    mass, hinge, com, spin, start = LIGHT.values()
+def _light_scene() -> Scene:
+    mass, hinge, com, _, start = LIGHT.values()
     across = mass * com * com / 3.0
-    link = {"mass": mass, "center_of_mass": [com, 0.0, 0.0], "inertia": [0.01 * across, across, across]}
-    joint = {"frame": {"position": [hinge, 0.0, 0.0]}, "home": start}
-    s = runner.simulator(_arm("light link", {"mass": 1.0, "inertia": [0.4] * 3}, joint, link))
-    s.set_state(twist=[0.0, 0.0, 0.0, 0.0, 0.0, spin])
-    return runner.sampled(s, LIGHT_TIMES, lambda: {"q": s.q[0], "q'": s.qd[0], "attitude of vehicle": s.rotation[0]})
+    body = {"mass": mass, "center_of_mass": [com, 0.0, 0.0], "inertia": [0.01 * across, across, across]}
+    vehicle = single_body("light link", {"mass": 1.0, "inertia": [0.4] * 3})
+    return with_arm(vehicle, link("link", body, position=(hinge, 0.0, 0.0), home=start))
 
 
 def _light_reference() -> Reference:
@@ -59,7 +51,7 @@ def _light_reference() -> Reference:
     values = {
         "q": q[:, None],
         "q'": qd[:, None],
-        "attitude of vehicle": rotation_about(np.eye(3)[2], spin * LIGHT_TIMES),
+        "attitude of vehicle": about(np.eye(3)[2], spin * LIGHT_TIMES),
     }
     return Reference(values, "Jacobi elliptic functions; 1e-7 from the rotation of the vehicle", 1e-7)
 
@@ -67,7 +59,12 @@ def _light_reference() -> Reference:
 LIGHT_LINK = Case(
     name="link 1e-6 of the vehicle",
     description="a link of a millionth of the mass on a rotating vehicle, 10 s: joint and vehicle every 0.5 s",
-    run=_run_light,
+    run=motion(
+        _light_scene,
+        LIGHT_TIMES,
+        lambda s: {"q": s.q[0], "q'": s.qd[0], "attitude of vehicle": s.rotation[0]},
+        twist=[0.0, 0.0, 0.0, 0.0, 0.0, LIGHT["spin"]],
+    ),
     reference=_light_reference,
     steps={2: 0.01, 1: 0.001},
     interval=0.5,
@@ -85,15 +82,16 @@ HEAVY_TIMES = instants(0.5, 10)
 
 def _hinged(runner: CaseRunner, parent: Scene, child: Scene, arm: Floats, child_arm: Floats, sign: float) -> Simulator:
     """Two bodies with a hinge at `arm` from the parent's centre of mass and at `child_arm` from the child's."""
-    joint = {"frame": {"position": arm.tolist()}, "axis": [0.0, 0.0, sign]}
-    return runner.simulator(_arm("heavy link", parent, joint, child | {"center_of_mass": (-child_arm).tolist()}))
+    body = child | {"center_of_mass": (-child_arm).tolist()}
+    hinged = link("link", body, position=arm.tolist(), axis=[0.0, 0.0, sign])
+    return runner.simulator(with_arm(single_body("heavy link", parent), hinged))
 
 
 def _run_heavy(runner: CaseRunner) -> Quantities:
     s = _hinged(runner, LIGHT_BODY, HEAVY_BODY, LIGHT_ARM, -HEAVY_ARM, 1.0)
     s.set_state(twist=HEAVY_TWIST, qd=[HEAVY_RATE])
 
-    def observe() -> Quantities:
+    def observe(s: Simulator) -> Quantities:
         light, heavy = s.body_poses()[0]
         return _pair(s, light, heavy[:3, :3], heavy[:3, 3] + heavy[:3, :3] @ HEAVY_ARM)
 
@@ -111,7 +109,7 @@ def _run_exchanged(runner: CaseRunner) -> Quantities:
         qd=[HEAVY_RATE],
     )
 
-    def observe() -> Quantities:
+    def observe(s: Simulator) -> Quantities:
         heavy, light = s.body_poses()[0]
         light = light.copy()
         light[:3, 3] -= light[:3, :3] @ LIGHT_ARM
@@ -158,10 +156,9 @@ STIFF_TIMES = instants(0.1, 10)
 def _run_stiff(runner: CaseRunner) -> Quantities:
     inertia, linear, quadratic, torque = STIFF.values()
     damping = {"linear": [0.0] * 5 + [linear], "quadratic": [0.0] * 5 + [quadratic]}
-    link = {"mass": 0.01, "inertia": [0.4 * inertia] * 3, "damping": damping, "added_mass": [0.0] * 5 + [0.6 * inertia]}
-    scene = _arm("stiff damping", {"mass": 1.0, "inertia": [1.0] * 3}, {}, link, 1000.0)
-    scene["vehicle"]["fixed"] = True
-    s = runner.simulator(scene)
+    body = {"mass": 0.01, "inertia": [0.4 * inertia] * 3, "damping": damping, "added_mass": [0.0] * 5 + [0.6 * inertia]}
+    vehicle = single_body("stiff damping", {"mass": 1.0, "inertia": [1.0] * 3}, 1000.0)
+    s = runner.simulator(with_arm(vehicle, link("link", body), fixed=True))
     return runner.sampled(s, STIFF_TIMES, ["q", "q'"], joint_torque=[torque])
 
 
@@ -198,13 +195,13 @@ SERVO_TIMES = instants(0.2, 5)
 
 def _run_servo(runner: CaseRunner) -> Quantities:
     scene = load_scene("bluerov2-heavy-alpha5")
-    for link in scene["arm"]["links"]:
+    for loaded in scene["arm"]["links"]:
         for gain in ("kp", "kd"):
-            link["joint"]["servo"][gain] *= GAIN
+            loaded["joint"]["servo"][gain] *= GAIN
     s = runner.simulator(scene | {"name": "hard case stiff servos", "provenance": {}})
     start, target = s.q[0], s.q[0] + SERVO_STEP
 
-    def observe() -> Quantities:
+    def observe(s: Simulator) -> Quantities:
         end = s.end_effector_pose()[0]
         return {"travel of joints": s.q[0] - start, "attitude": s.rotation[0], "end effector": end[:3, 3]}
 

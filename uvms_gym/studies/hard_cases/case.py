@@ -16,6 +16,8 @@ from uvms_gym.studies.numerics import Floats
 #: Results of a run by name: each (k, ...), one row per instant or instance.
 Quantities = dict[str, Floats]
 Scene = dict[str, Any]
+#: Names in `OBSERVED`, or a function of the simulator.
+Observe = Sequence[str] | Callable[[Simulator], Quantities]
 
 DTYPES = ("float64", "float32")
 #: Error bound of a fourth-order method in float64, and the minimum bound in float32; relative. For a method of order
@@ -98,14 +100,13 @@ class CaseRunner:
             raise ValueError(f"a step of {self.step:g} s does not divide {time:g} s")
         simulator.step(substeps=steps, **inputs)
 
-    def sampled(
-        self, simulator: Simulator, times: Floats, observe: Sequence[str] | Callable[[], Quantities], **inputs: Any
-    ) -> Quantities:
-        """Advance to multiples of `times[0]`, and stack what `observe`, or names in `OBSERVED`, give at each."""
+    def sampled(self, simulator: Simulator, times: Floats, observe: Observe, **inputs: Any) -> Quantities:
+        """Advance to multiples of `times[0]`, and stack what `observe` gives at each."""
         rows = []
         for _ in times:
             self.advance(simulator, times[0], **inputs)
-            rows.append(observe() if callable(observe) else {name: OBSERVED[name](simulator) for name in observe})
+            named = observe if callable(observe) else lambda s: {name: OBSERVED[name](s) for name in observe}
+            rows.append(named(simulator))
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
@@ -225,11 +226,6 @@ def errors(values: Quantities, reference: Quantities) -> dict[str, float]:
     """Relative errors by quantity: the maximum difference over the maximum magnitude; rad for rotations (k, 3, 3).
 
     Infinite where a value is not finite.
-
-    Raises
-    ------
-    ValueError
-        Names or shapes differ.
     """
     if values.keys() != reference.keys():
         raise ValueError(f"quantities {list(values)} are not those of the reference, {list(reference)}")
@@ -266,3 +262,29 @@ def single_body(name: str, body: Scene, density: float = 0.0, **water: Any) -> S
     """Make the scene of one body, without gravity unless given."""
     water = {"density": density, "gravity": [0.0, 0.0, 0.0]} | water
     return {"name": f"hard case {name}", "water": water, "vehicle": {"name": name, "body": body}}
+
+
+def link(name: str, body: Scene, along: int = 2, position: Sequence[float] = (0.0, 0.0, 0.0), **joint: Any) -> Scene:
+    """Make a link on a joint along x, y or z (0 to 2) through `position`; `joint` are further keys of the joint."""
+    frame = {"position": list(position)}
+    joint = {"kind": "revolute", "axis": np.eye(3)[along].tolist(), "frame": frame} | joint
+    return {"name": name, "joint": joint, "body": body}
+
+
+def with_arm(scene: Scene, *links: Scene, fixed: bool = False) -> Scene:
+    """Scene with the links of an arm, on a vehicle that is free or fixed."""
+    vehicle = scene["vehicle"] | {"fixed": fixed}
+    return scene | {"vehicle": vehicle, "arm": {"name": "arm", "links": list(links)}}
+
+
+def motion(
+    scene: Scene | Callable[[], Scene], times: Floats, observe: Observe, num_envs: int = 1, **state: Any
+) -> Callable[[CaseRunner], Quantities]:
+    """Make the run of a case without inputs: from a state, observed at multiples of `times[0]`."""
+
+    def run(runner: CaseRunner) -> Quantities:
+        simulator = runner.simulator(scene() if callable(scene) else scene, num_envs)
+        simulator.set_state(**state)
+        return runner.sampled(simulator, times, observe)
+
+    return run

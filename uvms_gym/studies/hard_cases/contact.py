@@ -16,9 +16,12 @@ from uvms_gym.studies.hard_cases.case import (
     Scene,
     converged,
     instants,
+    link,
+    motion,
     single_body,
+    with_arm,
 )
-from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.numerics import Floats, joints
 
 # A link hits a compliant end stop at speed and leaves it again: I q'' = -(k + c q') p for p > 0. During contact
 # p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the final speed v1 and, by a quadrature over
@@ -31,15 +34,10 @@ STOP_CLEAR = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
 
 def _run_stop(runner: CaseRunner) -> Quantities:
     inertia, stiffness, damping, speed, limit, start = STOP.values()
-    link = {"mass": 0.5, "inertia": [inertia] * 3}
     stop = {"lower": -10.0, "upper": limit, "stiffness": stiffness, "damping": damping}
-    joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "limits": stop, "home": start}
-    scene = single_body("end stop", {"mass": 1.0, "inertia": [1.0] * 3})
-    scene["vehicle"]["fixed"] = True
-    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
-    s = runner.simulator(scene)
-    s.set_state(qd=[speed])
-    values = runner.sampled(s, STOP_TIMES, ["q", "q'"])
+    stopped = link("link", {"mass": 0.5, "inertia": [inertia] * 3}, limits=stop, home=start)
+    scene = with_arm(single_body("end stop", {"mass": 1.0, "inertia": [1.0] * 3}), stopped, fixed=True)
+    values = motion(scene, STOP_TIMES, ["q", "q'"], qd=[speed])(runner)
     return {"q": values["q"][STOP_CLEAR], "speed after": values["q'"][-1:]}
 
 
@@ -160,12 +158,12 @@ PAYLOAD_PART = 1.0
 
 def _payload_scene(held: bool) -> Scene:
     scene = load_scene("petasus-pum")
-    for link in scene["arm"]["links"]:
+    for joint in joints(scene):
         # Kinks of torque limits and end stops would hide the jumps of this case.
         for key in ("limits", "effort"):
-            link["joint"].pop(key)
+            joint.pop(key)
         # Servos that are at work for the whole second.
-        servo = link["joint"]["servo"]
+        servo = joint["servo"]
         servo["kp"], servo["kd"] = 0.01 * servo["kp"], 0.1 * servo["kd"]
     if held:
         mass, inertia, added, added_inertia = PAYLOAD.values()

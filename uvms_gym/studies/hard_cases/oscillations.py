@@ -5,18 +5,29 @@ from functools import cache
 
 import numpy as np
 
-from uvms_gym.studies.hard_cases.case import Case, CaseRunner, Quantities, Reference, Scene, instants, single_body
+from uvms_gym import Simulator
+from uvms_gym.studies.hard_cases.case import (
+    Case,
+    CaseRunner,
+    Quantities,
+    Reference,
+    Scene,
+    instants,
+    link,
+    motion,
+    single_body,
+    with_arm,
+)
+from uvms_gym.studies.hard_cases.reference_solutions import solve_twice
 from uvms_gym.studies.hard_cases.secular import DENSITY, GRAVITY, neutral
 from uvms_gym.studies.numerics import Floats
 
 
-def _hinged(name: str, vehicle: Scene, link: Scene, fixed: bool) -> Scene:
-    """Make the scene of a vehicle with a link on a joint about y at its origin."""
-    scene = single_body(name, vehicle, DENSITY, gravity=[0.0, 0.0, -GRAVITY])
-    scene["vehicle"]["fixed"] = fixed
-    joint = {"kind": "revolute", "axis": [0.0, 1.0, 0.0]}
-    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
-    return scene
+def _hinged(name: str, mass: float, inertia: float, com: float, fixed: bool) -> Scene:
+    """Make the scene of a vehicle of 2 kg with a neutral link on a joint about y at its origin."""
+    scene = single_body(name, neutral(2.0, 0.02), DENSITY, gravity=[0.0, 0.0, -GRAVITY])
+    body = neutral(mass, inertia) | {"center_of_mass": [0.0, 0.0, -com]}
+    return with_arm(scene, link("link", body, 1), fixed=fixed)
 
 
 # An undamped pendulum of 22 rad/s: a neutrally buoyant link on the centre of mass of a vehicle, free or held, whose
@@ -32,21 +43,17 @@ def _run_joint(runner: CaseRunner) -> Quantities:
     values: Quantities = {}
     for which, reduced in (("held", mass), ("free", mass * vehicle / (mass + vehicle))):
         inertia = mass * GRAVITY * com / rate**2 - reduced * com * com
-        link = neutral(mass, inertia) | {"center_of_mass": [0.0, 0.0, -com]}
-        scene = _hinged("undamped joint", neutral(vehicle, 0.02), link, which == "held")
-        s = runner.simulator(scene, len(JOINT_STARTS))
-        s.set_state(q=JOINT_STARTS[:, None])
-        q, qd, position = [], [], []
-        for _ in JOINT_TIMES:
-            runner.advance(s, JOINT_TIMES[0])
-            q.append(s.q)
-            qd.append(s.qd)
-            position.append(s.position)
+        scene = _hinged("undamped joint", mass, inertia, com, which == "held")
+        state = {"q": JOINT_STARTS[:, None]}
+        found = motion(scene, JOINT_TIMES, _observe_joints, len(JOINT_STARTS), **state)(runner)
         for i, start in enumerate(JOINT_STARTS):
-            values[f"q, {which}, {start:g} rad"] = np.array(q)[:, i]
-            values[f"q', {which}, {start:g} rad"] = np.array(qd)[:, i]
+            values |= {f"{name}, {which}, {start:g} rad": found[name][:, i] for name in ("q", "q'")}
     # Of the free one, relative to 0.1 m.
-    return values | {"position, free": 0.1 + np.array(position)}
+    return values | {"position, free": 0.1 + found["position"]}
+
+
+def _observe_joints(s: Simulator) -> Quantities:
+    return {"q": s.q, "q'": s.qd, "position": s.position}
 
 
 def _joint_reference() -> Reference:
@@ -86,13 +93,9 @@ ROTOR = {"mass": 0.5, "com": 0.012, "rate": 22.0, "speed": 300.0}
 ROTOR_TIMES = instants(0.5, 40)
 
 
-def _run_rotor(runner: CaseRunner) -> Quantities:
-    mass, com, rate, speed = ROTOR.values()
-    inertia = mass * GRAVITY * com / rate**2 - mass * com * com
-    link = neutral(mass, inertia) | {"center_of_mass": [0.0, 0.0, -com]}
-    s = runner.simulator(_hinged("rotor", neutral(2.0, 0.02), link, True))
-    s.set_state(qd=[speed])
-    return runner.sampled(s, ROTOR_TIMES, ["q", "q'"])
+def _rotor_scene() -> Scene:
+    mass, com, rate, _ = ROTOR.values()
+    return _hinged("rotor", mass, mass * GRAVITY * com / rate**2 - mass * com * com, com, True)
 
 
 def _rotor_reference() -> Reference:
@@ -106,7 +109,7 @@ def _rotor_reference() -> Reference:
 ROTOR_CASE = Case(
     name="rotor at 300 rad/s",
     description="a rotor off balance on a held vehicle, under gravity, 20 s: 955 revolutions, joint every 0.5 s",
-    run=_run_rotor,
+    run=motion(_rotor_scene, ROTOR_TIMES, ["q", "q'"], qd=[ROTOR["speed"]]),
     reference=_rotor_reference,
     steps={4: 0.0005, 3: 0.0002, 2: 0.0001, 1: 2e-5},
     interval=0.5,
@@ -125,11 +128,9 @@ RESONANCE_QUARTER, RESONANCE_HALVES = 0.125, 160
 def _run_resonance(runner: CaseRunner) -> Quantities:
     vehicle, mass, rate, push = RESONANCE.values()
     stiffness = mass * vehicle / (mass + vehicle) * rate**2
+    body, spring = {"mass": mass, "inertia": [0.01] * 3}, {"kp": stiffness, "kd": 0.0}
     scene = single_body("resonance", {"mass": vehicle, "inertia": [0.1] * 3})
-    joint = {"kind": "prismatic", "axis": [1.0, 0.0, 0.0], "servo": {"kp": stiffness, "kd": 0.0}}
-    link = {"mass": mass, "inertia": [0.01] * 3}
-    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
-    s = runner.simulator(scene)
+    s = runner.simulator(with_arm(scene, link("link", body, 0, kind="prismatic", servo=spring)))
     rows = []
     for k in range(2 * RESONANCE_HALVES):
         runner.advance(s, RESONANCE_QUARTER, joint_target=[push if k % 4 < 2 else -push])
@@ -170,24 +171,16 @@ STIFF_PAIR_TIMES = instants(0.5, 40)
 def _run_stiff_pair(runner: CaseRunner) -> Quantities:
     rate, start, fast, slow, target = STIFF_PAIR.values()
     first, second = STIFF_PAIR_MASSES
-    scene = single_body("stiff and undamped", {"mass": 1.0, "inertia": [1.0] * 3})
-    scene["vehicle"]["fixed"] = True
-    servos = (
+    springs = (
         {"kp": (first + second) * rate**2, "kd": 0.0},
         {"kp": second * fast * slow, "kd": second * (fast + slow)},
     )
-    scene["arm"] = {
-        "name": "arm",
-        "links": [
-            {
-                "name": name,
-                "joint": {"kind": "prismatic", "axis": axis, "servo": servo},
-                "body": {"mass": mass, "inertia": [0.01] * 3},
-            }
-            for name, axis, servo, mass in zip("xy", np.eye(3)[:2].tolist(), servos, (first, second), strict=True)
-        ],
-    }
-    s = runner.simulator(scene)
+    links = (
+        link("xy"[k], {"mass": mass, "inertia": [0.01] * 3}, k, kind="prismatic", servo=springs[k])
+        for k, mass in enumerate(STIFF_PAIR_MASSES)
+    )
+    scene = single_body("stiff and undamped", {"mass": 1.0, "inertia": [1.0] * 3})
+    s = runner.simulator(with_arm(scene, *links, fixed=True))
     s.set_state(q=[start, 0.0])
     return runner.sampled(s, STIFF_PAIR_TIMES, ["q", "q'"], joint_target=[0.0, target])
 
@@ -223,32 +216,24 @@ CHAIN_INERTIAS = 0.1 * CHAIN_MASSES * CHAIN_LENGTHS**2
 CHAIN_TIMES = instants(0.25, 40)
 
 
-def _run_chain(runner: CaseRunner) -> Quantities:
+def _chain_scene() -> Scene:
+    links = (
+        link(
+            f"link {i}",
+            {"mass": m, "center_of_mass": [0.0, 0.0, -down], "inertia": [inertia] * 3},
+            1,
+            (0.0, 0.0, -up),
+        )
+        for i, (up, down, m, inertia) in enumerate(
+            np.transpose([[0.0, *CHAIN_LENGTHS[:-1]], CHAIN_LENGTHS, CHAIN_MASSES, CHAIN_INERTIAS]).tolist()
+        )
+    )
     scene = single_body("chain", {"mass": 1e3, "inertia": [1e3] * 3}, gravity=[0.0, 0.0, -GRAVITY])
-    scene["vehicle"]["fixed"] = True
-    above = [0.0, *CHAIN_LENGTHS[:-1]]
-    scene["arm"] = {
-        "name": "arm",
-        "links": [
-            {
-                "name": f"link {i}",
-                "joint": {"kind": "revolute", "axis": [0.0, 1.0, 0.0], "frame": {"position": [0.0, 0.0, -float(up)]}},
-                "body": {"mass": float(m), "center_of_mass": [0.0, 0.0, -float(down)], "inertia": [float(inertia)] * 3},
-            }
-            for i, (up, down, m, inertia) in enumerate(
-                zip(above, CHAIN_LENGTHS, CHAIN_MASSES, CHAIN_INERTIAS, strict=True)
-            )
-        ],
-    }
-    s = runner.simulator(scene)
-    s.set_state(q=CHAIN_START)
-    return runner.sampled(s, CHAIN_TIMES, ["q", "q'"])
+    return with_arm(scene, *links, fixed=True)
 
 
 @cache
 def _chain_reference() -> Reference:
-    from scipy.integrate import solve_ivp
-
     count = len(CHAIN_MASSES)
     below = np.cumsum(CHAIN_MASSES[::-1])[::-1]
     coupling = np.outer(CHAIN_LENGTHS, CHAIN_LENGTHS) * below[np.maximum.outer(np.arange(count), np.arange(count))]
@@ -261,19 +246,16 @@ def _chain_reference() -> Reference:
         return np.concatenate([speed, np.linalg.solve(mass, moment)])
 
     start = np.concatenate([np.cumsum(CHAIN_START), np.zeros(count)])
-    fine, coarse = (
-        solve_ivp(rates, (0.0, CHAIN_TIMES[-1]), start, "DOP853", CHAIN_TIMES, rtol=rtol, atol=rtol).y.T
-        for rtol in (1e-13, 1e-11)
-    )
-    relative = [np.diff(part, axis=1, prepend=0.0) for part in (fine[:, :count], fine[:, count:])]
+    found, uncertainty = solve_twice(rates, start, CHAIN_TIMES)
+    relative = [np.diff(part, axis=0, prepend=0.0).T for part in (found[:count], found[count:])]
     source = "Lagrange's equations, by SciPy, two tolerances"
-    return Reference(dict(zip(("q", "q'"), relative, strict=True)), source, float(np.abs(fine - coarse).max()))
+    return Reference(dict(zip(("q", "q'"), relative, strict=True)), source, uncertainty)
 
 
 CHAIN = Case(
     name="nine decades of mass",
     description="a chain of four pendulums, each a thousandth of the mass of the one above, 10 s: joints every 0.25 s",
-    run=_run_chain,
+    run=motion(_chain_scene, CHAIN_TIMES, ["q", "q'"], q=CHAIN_START),
     reference=_chain_reference,
     steps={4: 0.005, 3: 0.0025, 2: 0.00125, 1: 0.0001},
     interval=0.25,

@@ -1,11 +1,15 @@
 """Reference solutions of one body: closed forms, and Kirchhoff's equations. They share no code with the kernel."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from uvms_gym._rotations import about, matrices, multiply, unit
+from uvms_gym.studies.hard_cases.case import Reference
 from uvms_gym.studies.numerics import Floats
 
 
@@ -71,7 +75,7 @@ class Top:
             theta = np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2])
             psi = np.arctan2(direction[:, 0], direction[:, 1])
             x, _, z = np.eye(3)
-            return rotation_about(z, phi) @ rotation_about(x, theta) @ rotation_about(z, psi)
+            return about(z, phi) @ about(x, theta) @ about(z, psi)
 
         start = euler(np.zeros(1), self.rates(np.zeros(1))[:, axes])[0]
         turned = start.T @ euler(angle, self.rates(time)[:, axes])
@@ -80,68 +84,76 @@ class Top:
         return result
 
 
-def rotation_about(axis: Floats, angle: Floats | float) -> Floats:
-    """Rotations (k, 3, 3) about a unit vector, by Rodrigues' formula."""
-    angles = np.atleast_1d(np.asarray(angle, dtype=np.float64))[:, None, None]
-    x, y, z = axis
-    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    result: Floats = np.eye(3) + np.sin(angles) * hat + (1.0 - np.cos(angles)) * (hat @ hat)
-    return result
+def precession(transverse: float, axial: float, rate: Floats, times: Floats, rotor: float = 0.0) -> dict[str, Floats]:
+    """Attitudes (k, 3, 3) and angular velocities (k, 3) of a body with two equal moments and a rotor about its axis z.
+
+    It precesses about the angular momentum H at |H| / `transverse`, and rotates about z at w_3 - H_3 / `transverse`;
+    `rotor` is the constant angular momentum of the rotor, added to that of the body's `rate` (3,).
+    """
+    inertia, spin, z = np.array([transverse, transverse, axial]), np.array([0.0, 0.0, rotor]), np.eye(3)[2]
+    momentum = inertia * rate + spin
+    size = float(np.linalg.norm(momentum))
+    turned = about(z, (rate[2] - momentum[2] / transverse) * times)
+    attitude = about(momentum / size, size / transverse * times) @ turned
+    return {"attitude": attitude, "rate": (np.swapaxes(attitude, 1, 2) @ momentum - spin) / inertia}
+
+
+def solve(
+    rates: Callable[[float, Floats], ArrayLike], start: ArrayLike, times: Floats, tolerance: float = 1e-13
+) -> Floats:
+    """Solution (states, k) of a differential equation from `start` at time 0, by SciPy's DOP853.
+
+    `tolerance` is relative and absolute.
+    """
+    from scipy.integrate import solve_ivp
+
+    span = (0.0, float(times[-1]))
+    return np.asarray(solve_ivp(rates, span, start, "DOP853", times, rtol=tolerance, atol=tolerance).y)
+
+
+def solve_twice(rates: Callable[[float, Floats], ArrayLike], start: ArrayLike, times: Floats) -> tuple[Floats, float]:
+    """Solution of `solve`, and its maximum difference from one with a hundred times the tolerance."""
+    fine, coarse = (solve(rates, start, times, tolerance) for tolerance in (1e-13, 1e-11))
+    return fine, float(np.abs(fine - coarse).max())
 
 
 def force_free_motion(inertia: Floats, twist: Floats, times: Floats, tolerance: float = 1e-13) -> dict[str, Floats]:
     """Motion from the origin of a body with the 6x6 inertia `inertia`, added mass included, without forces.
 
     Kirchhoff's equations: the linear and angular impulse in world axes, `p` and `l`, are constant, the body impulse is
-    `[R^T p; R^T (l - x x p)]`, and the pose follows the twist. Only quaternion and position are integrated (DOP853);
-    unlike the kernel's, this formulation has no accelerations.
+    `[R^T p; R^T (l - x x p)]`, and the pose follows the twist. Only quaternion and position are integrated; unlike the
+    kernel's, this formulation has no accelerations.
 
-    Parameters
-    ----------
-    inertia : numpy.ndarray (6, 6)
-    twist : numpy.ndarray (6,)
-        [linear; angular] at the start, body axes.
-    times : numpy.ndarray (k,)
-        Ascending, s.
-    tolerance : float
-        Of the integration, relative and absolute.
+    `twist` (6,): [linear; angular] at the start, body axes. `times` (k,): ascending, s. `tolerance`: see `solve`.
 
     Returns
     -------
     dict
         `position` (k, 3), `attitude` (k, 3, 3) and `twist` (k, 6).
     """
-    from scipy.integrate import solve_ivp
-
     inverse = np.linalg.inv(inertia)
     impulse = inertia @ twist
     p, moment = impulse[:3], impulse[3:]
 
-    def twist_at(r: Floats, x: Floats) -> Floats:
-        result: Floats = inverse @ np.concatenate([r.T @ p, r.T @ (moment - np.cross(x, p))])
-        return result
+    def attitude(state: Floats) -> Floats:
+        return matrices(unit(state[:4]))
 
-    def rate(_: float, state: Floats) -> Floats:
-        r = _rotation(state[:4])
-        v = twist_at(r, state[4:])
-        w, x, y, z = state[:4]
-        a, b, c = v[3:]
-        spin = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
-        return np.concatenate([0.5 * np.array(spin), r @ v[:3]])
+    def twist_at(state: Floats) -> Floats:
+        r = attitude(state)
+        return np.asarray(inverse @ np.concatenate([r.T @ p, r.T @ (moment - np.cross(state[4:], p))]))
 
-    start, span = np.eye(7)[0], (0.0, float(times[-1]))
-    states = solve_ivp(rate, span, start, "DOP853", times, rtol=tolerance, atol=tolerance).y.T
-    rotations = np.array([_rotation(state[:4]) for state in states])
-    twists = np.array([twist_at(r, state[4:]) for r, state in zip(rotations, states, strict=True)])
-    return {"position": states[:, 4:], "attitude": rotations, "twist": twists}
+    def rates(_: float, state: Floats) -> Floats:
+        v = twist_at(state)
+        turn = 0.5 * multiply(state[:4], np.array([0.0, *v[3:]]))
+        return np.concatenate([turn, attitude(state) @ v[:3]])
+
+    states = solve(rates, np.eye(7)[0], times, tolerance).T
+    attitudes, twists = (np.array([part(state) for state in states]) for part in (attitude, twist_at))
+    return {"position": states[:, 4:], "attitude": attitudes, "twist": twists}
 
 
-def _rotation(quaternion: Floats) -> Floats:
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+def force_free_reference(inertia: Floats, twist: Floats, times: Floats) -> Reference:
+    """Reference of position, attitude and twist, by `force_free_motion`."""
+    fine, coarse = (force_free_motion(inertia, twist, times, tolerance) for tolerance in (1e-13, 1e-11))
+    uncertainty = max(float(np.abs(fine[name] - coarse[name]).max()) for name in fine)
+    return Reference(fine, "Kirchhoff's equations for the impulse, by SciPy, two tolerances", uncertainty)

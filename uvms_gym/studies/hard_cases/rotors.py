@@ -4,26 +4,29 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from uvms_gym.studies.hard_cases.accumulation import INTERVAL, TURNS, Steps, make_case
-from uvms_gym.studies.hard_cases.case import Case, CaseRunner, Quantities, Scene, converged, instants, single_body
+from uvms_gym.studies.hard_cases.case import Case, Scene, converged, instants, link, motion, single_body, with_arm
 from uvms_gym.studies.hard_cases.secular import GRAVITY
 
 
-def _joint(axis: int, place: tuple[float, ...] = (0.0, 0.0, 0.0), kind: str = "revolute") -> Scene:
-    return {"kind": kind, "axis": np.eye(3)[axis].tolist(), "frame": {"position": list(place)}}
-
-
-def _link(name: str, joint: Scene, mass: float, com: tuple[float, ...], inertia: tuple[float, ...]) -> Scene:
-    return {"name": name, "joint": joint, "body": {"mass": mass, "center_of_mass": list(com), "inertia": list(inertia)}}
+def _link(
+    name: str,
+    axis: int,
+    mass: float,
+    com: tuple[float, ...],
+    inertia: tuple[float, ...],
+    place: tuple[float, ...] = (0.0, 0.0, 0.0),
+    **joint: Any,
+) -> Scene:
+    body = {"mass": mass, "center_of_mass": list(com), "inertia": list(inertia)}
+    return link(name, body, axis, place, **joint)
 
 
 def _chain(
     name: str,
     about: str,
     links: list[Scene],
-    start: Mapping[str, list[float]],
+    start: Mapping[str, Any],
     seconds: float,
     steps: Steps,
     fine: float,
@@ -33,15 +36,9 @@ def _chain(
 ) -> Case:
     times = instants(INTERVAL, round(seconds / INTERVAL))
     scene = single_body(name, vehicle or {"mass": 1.0, "inertia": [1.0] * 3}, gravity=[0.0, 0.0, -gravity])
-    scene["vehicle"]["fixed"] = vehicle is None
-    scene["arm"] = {"name": "arm", "links": links}
+    scene = with_arm(scene, *links, fixed=vehicle is None)
     observed = ["q", "q'"] + ([] if vehicle is None else ["attitude", "rate"])
-
-    def run(runner: CaseRunner) -> Quantities:
-        s = runner.simulator(scene)
-        s.set_state(**start)
-        return runner.sampled(s, times, observed)
-
+    run = motion(scene, times, observed, **start)
     about = f"{about}, {seconds:g} s: joints{'' if vehicle is None else ' and vehicle'} every 0.5 s"
     return make_case(name, about, run, cache(lambda: converged(run, fine)), steps, **more)
 
@@ -54,7 +51,7 @@ CASES = (
     _chain(
         "unbalanced rotor",
         "a rotor off balance at 40 rad/s on a light vehicle",
-        [_link("rotor", _joint(2), 0.1, (0.02, 0.0, 0.01), (2e-4, 2e-4, 4e-4))],
+        [_link("rotor", 2, 0.1, (0.02, 0.0, 0.01), (2e-4, 2e-4, 4e-4))],
         {"twist": _SPIN, "qd": [40.0]},
         5.0,
         {4: 0.005, 3: 0.0025, 2: 0.0025},
@@ -66,8 +63,8 @@ CASES = (
         "crossed rotors",
         "two rotors at right angles, 30 and 20 rad/s, on a light vehicle",
         [
-            _link("first", _joint(2), 0.1, (0.0, 0.0, 0.0), (4e-4, 4e-4, 6e-4)),
-            _link("second", _joint(0), 0.1, (0.0, 0.0, 0.01), (5e-4, 3e-4, 3e-4)),
+            _link("first", 2, 0.1, (0.0, 0.0, 0.0), (4e-4, 4e-4, 6e-4)),
+            _link("second", 0, 0.1, (0.0, 0.0, 0.01), (5e-4, 3e-4, 3e-4)),
         ],
         {"twist": _SPIN, "qd": [30.0, 20.0]},
         5.0,
@@ -80,8 +77,8 @@ CASES = (
         "double pendulum",
         "two links from 1.2 and 0.8 rad under gravity",
         [
-            _link("upper", _joint(1), 1.0, (0.0, 0.0, -0.15), (0.01, 0.01, 0.01)),
-            _link("lower", _joint(1, (0.0, 0.0, -0.3)), 0.7, (0.0, 0.0, -0.15), (0.008, 0.008, 0.008)),
+            _link("upper", 1, 1.0, (0.0, 0.0, -0.15), (0.01, 0.01, 0.01)),
+            _link("lower", 1, 0.7, (0.0, 0.0, -0.15), (0.008, 0.008, 0.008), (0.0, 0.0, -0.3)),
         ],
         {"q": [1.2, 0.8]},
         5.0,
@@ -93,8 +90,8 @@ CASES = (
         "slider flung out",
         "a turntable at 2 rad/s flings out a slider, e-fold by e-fold",
         [
-            _link("table", _joint(2), 5.0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.8)),
-            _link("slider", _joint(0, kind="prismatic"), 0.2, (0.0, 0.0, 0.0), _PLAIN),
+            _link("table", 2, 5.0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.8)),
+            _link("slider", 0, 0.2, (0.0, 0.0, 0.0), _PLAIN, kind="prismatic"),
         ],
         {"q": [0.0, 0.001], "qd": [2.0, 0.0]},
         5.0,
@@ -105,9 +102,9 @@ CASES = (
         "top in gimbals",
         "a top at 50 rad/s in two gimbals under gravity",
         [
-            _link("outer", _joint(2), 0.1, (0.0, 0.0, 0.0), _PLAIN),
-            _link("inner", _joint(1), 0.1, (0.0, 0.0, 0.0), _PLAIN),
-            _link("top", _joint(2), 0.5, (0.0, 0.0, 0.1), (0.003, 0.003, 0.004)),
+            _link("outer", 2, 0.1, (0.0, 0.0, 0.0), _PLAIN),
+            _link("inner", 1, 0.1, (0.0, 0.0, 0.0), _PLAIN),
+            _link("top", 2, 0.5, (0.0, 0.0, 0.1), (0.003, 0.003, 0.004)),
         ],
         {"q": [0.0, 0.6, 0.0], "qd": [0.0, 0.0, 50.0]},
         5.0,
@@ -120,8 +117,8 @@ CASES = (
         "whip on a light vehicle",
         "two links swing without damping on a light vehicle",
         [
-            _link("upper", _joint(1, (0.1, 0.0, 0.0)), 0.3, (0.15, 0.0, 0.0), (0.001, 0.003, 0.003)),
-            _link("lower", _joint(2, (0.3, 0.0, 0.0)), 0.2, (0.1, 0.0, 0.0), (0.0005, 0.001, 0.001)),
+            _link("upper", 1, 0.3, (0.15, 0.0, 0.0), (0.001, 0.003, 0.003), (0.1, 0.0, 0.0)),
+            _link("lower", 2, 0.2, (0.1, 0.0, 0.0), (0.0005, 0.001, 0.001), (0.3, 0.0, 0.0)),
         ],
         {"q": [0.3, 0.9], "qd": [2.0, -3.0], "twist": _SPIN},
         5.0,

@@ -1,23 +1,19 @@
 """All hard cases by all methods, and their results as data."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 from uvms_gym.studies.hard_cases import CASES
 from uvms_gym.studies.hard_cases.case import DTYPES, Case, Run, evaluate, methods
+from uvms_gym.studies.progress import tracked
 
 #: Attributes of runs in the data.
 RUN_DATA = ("dtype", "step", "recommended", "error", "errors", "bound", "verdict", "false_alarm")
 
 
 def select(parts: Sequence[str] = ()) -> list[Case]:
-    """Cases with one of `parts` in their names; all without parts.
-
-    Raises
-    ------
-    ValueError
-        No case has such a name.
-    """
+    """Cases with one of `parts` in their names; all without parts."""
     cases = [case for case in CASES if not parts or any(part in case.name for part in parts)]
     if not cases:
         known = ", ".join(case.name for case in CASES)
@@ -25,18 +21,11 @@ def select(parts: Sequence[str] = ()) -> list[Case]:
     return cases
 
 
-def run_all(cases: Sequence[Case], tick: Callable[[], None] = lambda: None) -> list[Run]:
-    """Run cases by every method in both precisions, at the recommended step and at coarser ones.
-
-    `tick` is called once for each case, method and precision.
-    """
+def run_all(cases: Sequence[Case]) -> list[Run]:
+    """Run cases by every method in both precisions, at the recommended step and at coarser ones."""
     runs = []
-    for case in cases:
-        for dtype in DTYPES:
-            for method in methods():
-                runs.append(evaluate(case, method, dtype))
-                runs += [evaluate(case, method, dtype, step) for step in case.coarser_steps(method)]
-                tick()
+    for case, dtype, method in tracked(list(product(cases, DTYPES, methods())), "hard cases"):
+        runs += [evaluate(case, method, dtype, step) for step in (None, *case.coarser_steps(method))]
     return runs
 
 

@@ -2,12 +2,23 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from uvms_gym import load_scene
-from uvms_gym.studies.hard_cases.case import Case, CaseRunner, Quantities, Reference, Scene, instants, single_body
-from uvms_gym.studies.hard_cases.reference_solutions import force_free_motion, rotation_about
+from uvms_gym import Simulator, load_scene
+from uvms_gym._rotations import about
+from uvms_gym.studies.hard_cases.case import (
+    Case,
+    CaseRunner,
+    Quantities,
+    Reference,
+    Scene,
+    instants,
+    motion,
+    single_body,
+)
+from uvms_gym.studies.hard_cases.reference_solutions import force_free_reference
 from uvms_gym.studies.numerics import Floats
 
 # Added mass far below and far above the mass: a body pushed against quadratic damping, v = v_t tanh(t/T),
@@ -37,11 +48,11 @@ def _run_ratio(runner: CaseRunner) -> Quantities:
         s.scale_parameters(added_mass=RATIOS)
     loose.set_state(twist=FREE_TWIST)
 
-    def observe_pushed() -> Quantities:
-        return _by_ratio("speed", pushed.twist[:, :1]) | _by_ratio("distance", pushed.position[:, :1])
+    def observe_pushed(s: Simulator) -> Quantities:
+        return _by_ratio("speed", s.twist[:, :1]) | _by_ratio("distance", s.position[:, :1])
 
-    def observe_loose() -> Quantities:
-        return _by_ratio("energy", loose.energy()["total"][:, None]) | _by_ratio("impulse", loose.momentum())
+    def observe_loose(s: Simulator) -> Quantities:
+        return _by_ratio("energy", s.energy()["total"][:, None]) | _by_ratio("impulse", s.momentum())
 
     wrench = [PUSH["force"], 0.0, 0.0, 0.0, 0.0, 0.0]
     values = runner.sampled(pushed, PUSH_TIMES, observe_pushed, wrench=wrench)
@@ -85,31 +96,22 @@ def _rexrov() -> Scene:
     return scene | {"provenance": {}, "name": "hard case off-diagonal"}
 
 
-def _run_rexrov(runner: CaseRunner) -> Quantities:
-    s = runner.simulator(_rexrov())
-    s.set_state(twist=REXROV_TWIST)
-    return runner.sampled(s, REXROV_TIMES, ["position", "attitude", "twist", "impulse", "energy"])
-
-
 @cache
 def _rexrov_reference() -> Reference:
     body = _rexrov()["vehicle"]["body"]
     rigid = np.diag([body["mass"]] * 3 + [0.0] * 3)
     rigid[3:, 3:] = body["inertia"]
-    inertia = rigid + np.array(body["added_mass"])
-    values = force_free_motion(inertia, REXROV_TWIST, REXROV_TIMES)
-    other = force_free_motion(inertia, REXROV_TWIST, REXROV_TIMES, tolerance=1e-11)
-    uncertainty = max(float(np.abs(values[name] - other[name]).max()) for name in values)
-    count = len(REXROV_TIMES)
-    values["impulse"] = np.tile(inertia @ REXROV_TWIST, (count, 1))
-    values["energy"] = np.full((count, 1), 0.5 * REXROV_TWIST @ inertia @ REXROV_TWIST)
-    return Reference(values, "Kirchhoff's equations for the impulse, by SciPy, two tolerances", uncertainty)
+    inertia, count = rigid + np.array(body["added_mass"]), len(REXROV_TIMES)
+    found = force_free_reference(inertia, REXROV_TWIST, REXROV_TIMES)
+    found.values["impulse"] = np.tile(inertia @ REXROV_TWIST, (count, 1))
+    found.values["energy"] = np.full((count, 1), 0.5 * REXROV_TWIST @ inertia @ REXROV_TWIST)
+    return found
 
 
 OFF_DIAGONAL = Case(
     name="off-diagonal added mass",
     description="RexROV without damping, 10 s: pose and twist, impulse and energy every 1 s",
-    run=_run_rexrov,
+    run=motion(_rexrov, REXROV_TIMES, ["position", "attitude", "twist", "impulse", "energy"], twist=REXROV_TWIST),
     reference=_rexrov_reference,
     steps={4: 0.02, 3: 0.02, 2: 0.01, 1: 0.002},
     interval=1.0,
@@ -156,49 +158,47 @@ FAST = {"mass": 19.0, "drag": 18.18, "force": 20.0}
 FAST_TIMES = instants(0.1, 50)
 
 
-def run_fast(runner: CaseRunner, speed: float) -> Quantities:
-    """Decelerate from a speed by quadratic damping, and reverse from its negative by a force."""
+def fast_case(name: str, description: str, speed: float, **options: Any) -> Case:
+    """Make the case of quadratic damping that brakes from a speed, and of a force that reverses the same speed."""
     m, k, force = FAST.values()
-    body = {"mass": m - 5.5, "inertia": [0.3] * 3, "added_mass": [5.5, 0.0, 0.0, 0.0, 0.0, 0.0]}
-    s = runner.simulator(single_body("fast damping", body | {"damping": {"quadratic": [k] + [0.0] * 5}}, 1000.0), 2)
-    s.set_state(twist=np.outer([speed, -speed], np.eye(6)[0]))
-    wrench = np.outer([0.0, force], np.eye(6)[0])
 
-    def observe() -> Quantities:
-        speeds, distances = s.twist[:, :1], s.position[:, :1]
-        braked = {"speed, braked": speeds[0], "distance, braked": distances[0]}
-        return braked | {"speed, through zero": speeds[1], "distance, through zero": distances[1]}
+    def run(runner: CaseRunner) -> Quantities:
+        body = {"mass": m - 5.5, "inertia": [0.3] * 3, "added_mass": [5.5, 0.0, 0.0, 0.0, 0.0, 0.0]}
+        s = runner.simulator(single_body("fast damping", body | {"damping": {"quadratic": [k] + [0.0] * 5}}, 1000.0), 2)
+        s.set_state(twist=np.outer([speed, -speed], np.eye(6)[0]))
 
-    return runner.sampled(s, FAST_TIMES, observe, wrench=wrench)
+        def observe(s: Simulator) -> Quantities:
+            speeds, distances = s.twist[:, :1], s.position[:, :1]
+            braked = {"speed, braked": speeds[0], "distance, braked": distances[0]}
+            return braked | {"speed, through zero": speeds[1], "distance, through zero": distances[1]}
+
+        return runner.sampled(s, FAST_TIMES, observe, wrench=np.outer([0.0, force], np.eye(6)[0]))
+
+    def reference() -> Reference:
+        t, terminal = FAST_TIMES, math.sqrt(force / k)
+        rate = k * terminal / m
+        stop = math.atan(speed / terminal) / rate
+        before, after = np.minimum(t, stop), np.maximum(t - stop, 0.0)
+        # tan and ln cos while the speed is negative, tanh and ln cosh after.
+        angle = rate * (before - stop)
+        through = np.where(t < stop, np.tan(angle), np.tanh(rate * after)) * terminal
+        turning = -np.log(np.cos(angle) / math.cos(rate * stop)) + np.log(np.cosh(rate * after))
+        values = {
+            "speed, braked": speed / (1.0 + k * speed * t / m),
+            "distance, braked": m / k * np.log1p(k * speed * t / m),
+            "speed, through zero": through,
+            "distance, through zero": m / k * turning,
+        }
+        return Reference({name: value[:, None] for name, value in values.items()}, "closed form")
+
+    return Case(name, description, run, reference, interval=0.1, **options)
 
 
-def fast_reference(speed: float) -> Reference:
-    """Closed form of `run_fast`."""
-    m, k, force = FAST.values()
-    t, terminal = FAST_TIMES, math.sqrt(force / k)
-    rate = k * terminal / m
-    stop = math.atan(speed / terminal) / rate
-    before, after = np.minimum(t, stop), np.maximum(t - stop, 0.0)
-    # tan and ln cos while the speed is negative, tanh and ln cosh after.
-    angle = rate * (before - stop)
-    through = np.where(t < stop, np.tan(angle), np.tanh(rate * after)) * terminal
-    turning = -np.log(np.cos(angle) / math.cos(rate * stop)) + np.log(np.cosh(rate * after))
-    values = {
-        "speed, braked": speed / (1.0 + k * speed * t / m),
-        "distance, braked": m / k * np.log1p(k * speed * t / m),
-        "speed, through zero": through,
-        "distance, through zero": m / k * turning,
-    }
-    return Reference({name: value[:, None] for name, value in values.items()}, "closed form")
-
-
-FAST_DAMPING = Case(
-    name="quadratic damping at 50 m/s",
-    description="5 s of deceleration from 50 m/s, and of reversal by a force: speed and distance every 0.1 s",
-    run=lambda runner: run_fast(runner, 50.0),
-    reference=lambda: fast_reference(50.0),
+FAST_DAMPING = fast_case(
+    "quadratic damping at 50 m/s",
+    "5 s of deceleration from 50 m/s, and of reversal by a force: speed and distance every 0.1 s",
+    50.0,
     steps={4: 0.002, 2: 0.001, 1: 0.0005},
-    interval=0.1,
     reason="the speed halves within 0.02 s at first",
 )
 
@@ -210,19 +210,19 @@ DECAY_VELOCITY = np.array([1.0, 0.5, -0.5])
 DECAY_TIMES = instants(1.0, 14)
 
 
-def _run_decay(runner: CaseRunner) -> Quantities:
-    mass, inertia = 3.0, 2.0
-    linear = [DECAY * 2.0 * mass] * 3 + [DECAY * inertia] * 3
-    body = {"mass": mass, "inertia": [inertia] * 3, "added_mass": [mass] * 3 + [0.0] * 3, "damping": {"linear": linear}}
-    s = runner.simulator(single_body("decay", body, 1000.0))
-    s.set_state(twist=np.concatenate([DECAY_VELOCITY, DECAY_SPIN]))
+DECAY_MASS, DECAY_INERTIA = 3.0, 2.0
+DECAY_BODY = {
+    "mass": DECAY_MASS,
+    "inertia": [DECAY_INERTIA] * 3,
+    "added_mass": [DECAY_MASS] * 3 + [0.0] * 3,
+    "damping": {"linear": [DECAY * 2.0 * DECAY_MASS] * 3 + [DECAY * DECAY_INERTIA] * 3},
+}
 
-    def observe() -> Quantities:
-        left = np.exp(-DECAY * s.time[0])
-        velocity, rate = s.rotation[0] @ s.twist[0, :3] / left, s.twist[0, 3:] / left
-        return {"velocity": velocity, "rate": rate, "position": s.position[0], "attitude": s.rotation[0]}
 
-    return runner.sampled(s, DECAY_TIMES, observe)
+def _observe_decay(s: Simulator) -> Quantities:
+    left = np.exp(-DECAY * s.time[0])
+    velocity, rate = s.rotation[0] @ s.twist[0, :3] / left, s.twist[0, 3:] / left
+    return {"velocity": velocity, "rate": rate, "position": s.position[0], "attitude": s.rotation[0]}
 
 
 def _decay_reference() -> Reference:
@@ -233,7 +233,7 @@ def _decay_reference() -> Reference:
         "velocity": np.tile(DECAY_VELOCITY, (count, 1)),
         "rate": np.tile(DECAY_SPIN, (count, 1)),
         "position": gone[:, None] * DECAY_VELOCITY,
-        "attitude": rotation_about(DECAY_SPIN / rate, rate * gone),
+        "attitude": about(DECAY_SPIN / rate, rate * gone),
     }
     return Reference(values, "closed form")
 
@@ -241,7 +241,12 @@ def _decay_reference() -> Reference:
 DAMPED_DECAY = Case(
     name="damping over six decades",
     description="14 s of decay by linear damping, to 1e-6: relative error of velocity and rate, position and attitude",
-    run=_run_decay,
+    run=motion(
+        single_body("decay", DECAY_BODY, 1000.0),
+        DECAY_TIMES,
+        _observe_decay,
+        twist=[*DECAY_VELOCITY, *DECAY_SPIN],
+    ),
     reference=_decay_reference,
     steps={4: 0.04, 3: 0.02, 2: 0.01, 1: 0.002},
     interval=1.0,
@@ -270,7 +275,7 @@ def _run_pendulum(runner: CaseRunner) -> Quantities:
         "added_mass": [4.0, added, added, *[added_inertia] * 3],
     }
     s = runner.simulator(single_body("pendulum", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
-    s.set_state(rotation=rotation_about(np.eye(3)[0], PENDULUM_START)[0])
+    s.set_state(rotation=about(np.eye(3)[0], PENDULUM_START))
     rate, phase, sizes = _pendulum_rate(), 0.0, []
     for _ in PENDULUM_TIMES:
         runner.advance(s, PENDULUM_TIMES[0])
@@ -302,11 +307,10 @@ PENDULUM_CASE = Case(
 BALL = {"mass": 10.0, "added": 5.0, "drag": 3.0, "displaced": 10.5}
 BALL_SPIN = np.array([0.6, -0.8, 1.0])
 CURRENT = np.array([0.5, -0.3, 0.2])
-CURRENT_ACCELERATION = np.array([0.02, 0.05, -0.03])
 BALL_TIMES = instants(1.0, 20)
 
 
-def _run_ball(runner: CaseRunner, acceleration: Floats) -> Quantities:
+def _drift(name: str, description: str, acceleration: Floats) -> Case:
     m, added, drag, displaced = BALL.values()
     body = {
         "mass": m,
@@ -315,39 +319,36 @@ def _run_ball(runner: CaseRunner, acceleration: Floats) -> Quantities:
         "added_mass": [added] * 3 + [0.0] * 3,
         "damping": {"linear": [drag] * 3 + [0.0] * 3},
     }
-    s = runner.simulator(single_body("ball in a current", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
-    s.set_state(twist=np.concatenate([np.zeros(3), BALL_SPIN]), current=CURRENT, current_acceleration=acceleration)
-    return runner.sampled(s, BALL_TIMES, ["position", "velocity", "attitude"])
+    scene = single_body("ball in a current", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY])
+    state: dict[str, Any] = {
+        "twist": [0.0, 0.0, 0.0, *BALL_SPIN],
+        "current": CURRENT,
+        "current_acceleration": acceleration,
+    }
+
+    def reference() -> Reference:
+        rate, t = drag / (m + added), BALL_TIMES[:, None]
+        slip = (displaced - m) / drag * (acceleration + np.array([0.0, 0.0, GRAVITY]))
+        gone = (1.0 - np.exp(-rate * t)) / rate
+        position = CURRENT * t + 0.5 * acceleration * t * t + slip * t - (CURRENT + slip) * gone
+        velocity = CURRENT + acceleration * t + slip - (CURRENT + slip) * np.exp(-rate * t)
+        size = float(np.linalg.norm(BALL_SPIN))
+        attitude = about(BALL_SPIN / size, size * BALL_TIMES)
+        return Reference({"position": position, "velocity": velocity, "attitude": attitude}, "closed form")
+
+    run = motion(scene, BALL_TIMES, ["position", "velocity", "attitude"], **state)
+    return Case(name, description, run, reference, {4: 0.04, 2: 0.02, 1: 0.005}, 1.0)
 
 
-def _ball_reference(acceleration: Floats) -> Reference:
-    m, added, drag, displaced = BALL.values()
-    rate, t = drag / (m + added), BALL_TIMES[:, None]
-    slip = (displaced - m) / drag * (acceleration + np.array([0.0, 0.0, GRAVITY]))
-    gone = (1.0 - np.exp(-rate * t)) / rate
-    position = CURRENT * t + 0.5 * acceleration * t * t + slip * t - (CURRENT + slip) * gone
-    velocity = CURRENT + acceleration * t + slip - (CURRENT + slip) * np.exp(-rate * t)
-    size = float(np.linalg.norm(BALL_SPIN))
-    attitude = rotation_about(BALL_SPIN / size, size * BALL_TIMES)
-    return Reference({"position": position, "velocity": velocity, "attitude": attitude}, "closed form")
-
-
-DRIFT = Case(
-    name="drift with a current",
-    description="a spinning ball in a steady current, 20 s: position, velocity and attitude every 1 s",
-    run=lambda runner: _run_ball(runner, np.zeros(3)),
-    reference=lambda: _ball_reference(np.zeros(3)),
-    steps={4: 0.04, 2: 0.02, 1: 0.005},
-    interval=1.0,
+DRIFT = _drift(
+    "drift with a current",
+    "a spinning ball in a steady current, 20 s: position, velocity and attitude every 1 s",
+    np.zeros(3),
 )
-
-DRIFT_ACCELERATING = Case(
-    name="drift, water accelerating",
-    description="the same in accelerating water, buoyant: position, velocity and attitude every 1 s",
-    run=lambda runner: _run_ball(runner, CURRENT_ACCELERATION),
-    reference=lambda: _ball_reference(CURRENT_ACCELERATION),
-    steps=DRIFT.steps,
-    interval=1.0,
+DRIFT_ACCELERATING = _drift(
+    "drift, water accelerating",
+    "the same in accelerating water, buoyant: position, velocity and attitude every 1 s",
+    np.array([0.02, 0.05, -0.03]),
 )
 
 CASES = (MASS_RATIO, OFF_DIAGONAL, MUNK_CASE, FAST_DAMPING, DAMPED_DECAY, PENDULUM_CASE, DRIFT, DRIFT_ACCELERATING)

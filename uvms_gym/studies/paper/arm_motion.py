@@ -1,13 +1,15 @@
 """Figs. 5, 6 and 7: motion of the vehicle as joint 2 of its arm moves 45 degrees and back."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.studies.numerics import Floats, hermite_cubic
+from uvms_gym._rotations import rpy_of
+from uvms_gym.logs.interpolation import hermite
+from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.progress import tracked
 
 STEP = 0.01
 TIME = 50.0
@@ -37,7 +39,7 @@ def case_scene(case: str) -> dict[str, Any]:
     return scene
 
 
-def follow(case: str, tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def follow(case: str) -> dict[str, Any]:
     """Run a case from the equilibrium of its own loop; an uncontrolled vehicle starts at the world's origin.
 
     The joint servos are PD, as in the paper, so the joints sag under the arm's weight in water. A start at q_0 itself
@@ -51,43 +53,31 @@ def follow(case: str, tick: Callable[[], None] = lambda: None) -> dict[str, Any]
     if case == "uncontrolled":
         simulator.set_state(position=np.zeros(3))
     samples = [_sample(simulator)]
-    for i in range(round(TIME / STEP)):
-        coefficients = hermite_cubic(target(home, i * STEP), target(home, (i + 1) * STEP), STEP)
+    for i in tracked(range(round(TIME / STEP)), f"arm motion, {case}"):
+        coefficients = hermite(target(home, i * STEP), target(home, (i + 1) * STEP), STEP)
         simulator.step(joint_target=coefficients[None], **loop)
         if (i + 1) % STRIDE == 0:
             samples.append(_sample(simulator))
-            tick()
     columns = {name: np.array([sample[name] for sample in samples]) for name in samples[0]}
     columns["joint_2_target"] = np.array([target(home, time)[0][JOINT] for time in columns["time"]])
     return columns
 
 
-def arm_motion(tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def arm_motion() -> dict[str, Any]:
     """Run all cases.
 
     Numbers are relative to each case's start; those of the end effector are relative to the held vehicle's.
     """
-    cases = {case: follow(case, tick) for case in CASES}
+    cases = {case: follow(case) for case in CASES}
     ideal = cases["vehicle held"]["end_effector"]
     return {"cases": cases, "numbers": {case: _numbers(columns, ideal) for case, columns in cases.items()}}
-
-
-def rpy_of(rotation: Floats) -> Floats:
-    """Roll, pitch and yaw of R = R_z R_y R_x, rad."""
-    return np.array(
-        [
-            math.atan2(rotation[2, 1], rotation[2, 2]),
-            math.asin(max(-1.0, min(1.0, -rotation[2, 0]))),
-            math.atan2(rotation[1, 0], rotation[0, 0]),
-        ]
-    )
 
 
 def _sample(simulator: Simulator) -> dict[str, Any]:
     return {
         "time": float(simulator.time[0]),
         "position": simulator.position[0],
-        "rpy": rpy_of(simulator.rotation[0]),
+        "rpy": rpy_of(simulator.rotation)[0],
         "end_effector": simulator.end_effector_pose()[0, :3, 3],
         "q": simulator.q[0],
     }

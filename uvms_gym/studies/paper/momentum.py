@@ -1,17 +1,18 @@
 """Momentum conservation of the paper's 11-DoF system, and the order of its drift in the step."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.studies.numerics import Floats, bodies, convergence_order, hermite_cubic
+from uvms_gym.logs.interpolation import hermite
+from uvms_gym.studies.numerics import Floats, bodies, convergence_order
+from uvms_gym.studies.progress import tracked
 
 TIME = 100.0
 STEPS = (0.04, 0.02, 0.01, 0.005)
-#: Step of the paper, s, and bound on the relative drift at it.
-PAPER_STEP, BAR = 0.01, 1e-8
+#: Bound on the relative drift at the paper's step of 0.01 s.
+BAR = 1e-8
 # Joint targets are cubics over intervals of this length, s: the drive is the same at all step sizes.
 INTERVAL = 0.2
 AMPLITUDE, FREQUENCY = 0.85, 0.5
@@ -56,9 +57,7 @@ def target(time: float) -> tuple[Floats, Floats]:
     return CENTRE + AMPLITUDE * np.sin(angle), AMPLITUDE * FREQUENCY * np.cos(angle)
 
 
-def drift(
-    scene: dict[str, Any], step: float, time: float = TIME, tick: Callable[[], None] = lambda: None
-) -> dict[str, Any]:
+def drift(scene: dict[str, Any], step: float, time: float = TIME) -> dict[str, Any]:
     """Drift of momentum in one run, relative to the sum over bodies of |momentum| at the start."""
     simulator = Simulator(scene, dt=step, error_estimate=False)
     q, qd = target(0.0)
@@ -66,14 +65,13 @@ def drift(
     start = simulator.momentum()[0]
     scale = simulator.momentum_terms()["total_scale"][0]
     times, drifts, rates = [0.0], [np.zeros(2)], [simulator.qd[0]]
-    for i in range(round(time / INTERVAL)):
-        coefficients = hermite_cubic(target(i * INTERVAL), target((i + 1) * INTERVAL), INTERVAL)
+    for i in tracked(range(round(time / INTERVAL)), "momentum"):
+        coefficients = hermite(target(i * INTERVAL), target((i + 1) * INTERVAL), INTERVAL)
         simulator.step(joint_target=coefficients[None], substeps=round(INTERVAL / step))
         difference = simulator.momentum()[0] - start
         times.append((i + 1) * INTERVAL)
         drifts.append(np.linalg.norm(difference.reshape(2, 3), axis=1) / scale)
         rates.append(simulator.qd[0])
-        tick()
     all_rates, all_drifts = np.array(rates), np.array(drifts)
     return {
         "step": step,
@@ -88,12 +86,12 @@ def drift(
     }
 
 
-def momentum(tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def momentum() -> dict[str, Any]:
     """Drifts and their orders at all steps of both systems: without water, and the total impulse in still water."""
     result = {}
     for name, wet in (("without water", False), ("total impulse in still water", True)):
         scene = conservative_scene(wet)
-        runs = [drift(scene, step, tick=tick) for step in STEPS]
+        runs = [drift(scene, step) for step in STEPS]
         orders = {kind: convergence_order(STEPS, [run[kind] for run in runs]) for kind in ("linear", "angular")}
         result[name] = {"runs": runs, "orders": orders}
     return result

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from uvms_gym._rotations import from_rpy, matrices
 from uvms_gym.studies.numerics import Floats, bodies, joints
 
 
@@ -60,8 +61,7 @@ def transform(frame: dict[str, Any] | None) -> Floats:
     """Homogeneous transform (4, 4) of a frame with `position` and `rpy`, R = Rz Ry Rx."""
     result = np.eye(4)
     if frame is not None:
-        for axis in (2, 1, 0):
-            result[:3, :3] = result[:3, :3] @ _rotation(axis, frame["rpy"][axis])
+        result[:3, :3] = matrices(from_rpy(np.array(frame["rpy"])))
         result[:3, 3] = frame["position"]
     return result
 
@@ -78,15 +78,6 @@ def dry(scene: dict[str, Any]) -> dict[str, Any]:
         joint.pop("limits", None)
         joint.pop("effort", None)
         joint["friction"] = {"viscous": joint.get("friction", {}).get("viscous", 0.0)}
-    return result
-
-
-def _rotation(axis: int, angle: float) -> Floats:
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    result = np.eye(3)
-    result[i, i] = result[j, j] = np.cos(angle)
-    result[j, i] = np.sin(angle)
-    result[i, j] = -result[j, i]
     return result
 
 

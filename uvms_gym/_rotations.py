@@ -1,8 +1,12 @@
-"""Unit quaternions [w, x, y, z], in rows."""
+"""Rotations: unit quaternions [w, x, y, z], matrices, and roll, pitch, yaw; any number of them in leading axes."""
+
+import math
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym.logs.units import Floats
+Floats: TypeAlias = NDArray[np.float64]
 
 
 def multiply(a: Floats, b: Floats) -> Floats:
@@ -16,6 +20,11 @@ def multiply(a: Floats, b: Floats) -> Floats:
 def conjugate(q: Floats) -> Floats:
     """Inverse rotations of quaternions (..., 4)."""
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def unit(q: Floats) -> Floats:
+    """Quaternions (..., 4) of length 1."""
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 def canonical(q: Floats) -> Floats:
@@ -47,10 +56,15 @@ def from_rpy(rpy: Floats) -> Floats:
 
 
 def to_rpy(q: Floats) -> Floats:
-    """Roll, pitch, yaw (n, 3), rad, of quaternions (n, 4)."""
-    R = matrices(q)
-    pitch = np.arcsin(np.clip(-R[:, 2, 0], -1.0, 1.0))
-    return np.stack([np.arctan2(R[:, 2, 1], R[:, 2, 2]), pitch, np.arctan2(R[:, 1, 0], R[:, 0, 0])], axis=-1)
+    """Roll, pitch, yaw (..., 3), rad, of quaternions (..., 4)."""
+    return rpy_of(matrices(q))
+
+
+def rpy_of(R: Floats) -> Floats:
+    """Roll, pitch, yaw (..., 3), rad, of rotation matrices (..., 3, 3)."""
+    pitch = np.arcsin(np.clip(-R[..., 2, 0], -1.0, 1.0))
+    roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)
 
 
 def angles(a: Floats, b: Floats) -> Floats:
@@ -58,6 +72,26 @@ def angles(a: Floats, b: Floats) -> Floats:
     relative = multiply(conjugate(a), b)
     sine = np.linalg.norm(relative[..., 1:], axis=-1)
     return np.asarray(2.0 * np.arctan2(sine, np.abs(relative[..., 0])))
+
+
+def distances(a: Floats, b: Floats) -> Floats:
+    """Angles (...) of the rotations between matrices (..., 3, 3), rad, accurate for small ones."""
+    # |A - B| = 2 sqrt(2) sin(angle / 2)
+    chord = np.linalg.norm(a - b, axis=(-2, -1)) / math.sqrt(8.0)
+    return np.asarray(2.0 * np.arcsin(np.minimum(chord, 1.0)))
+
+
+def skew(v: ArrayLike) -> Floats:
+    """Matrices (..., 3, 3) of v (..., 3): skew(v) w = v x w."""
+    x, y, z = np.moveaxis(np.asarray(v, dtype=np.float64), -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+
+
+def about(axis: ArrayLike, angle: ArrayLike) -> Floats:
+    """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), rad: Rodrigues' formula."""
+    angles, hat = np.asarray(angle, dtype=np.float64)[..., None, None], skew(axis)
+    return np.asarray(np.eye(3) + np.sin(angles) * hat + (1.0 - np.cos(angles)) * (hat @ hat))
 
 
 def slerp(time: Floats, q: Floats, times: Floats) -> Floats:
@@ -72,4 +106,4 @@ def slerp(time: Floats, q: Floats, times: Floats) -> Floats:
     sine = np.where(small, 1.0, sine)
     mixed = np.where(small, 1.0 - u, np.sin((1.0 - u) * half) / sine) * a
     mixed = mixed + np.where(small, u, np.sin(u * half) / sine) * b
-    return canonical(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+    return canonical(unit(mixed))
