@@ -12,7 +12,7 @@ from uvms_gym.cli import accuracy, main
 from uvms_gym.studies.accuracy import conservation, work_precision
 from uvms_gym.studies.accuracy import driven_motion as motion
 from uvms_gym.studies.accuracy.work_precision import Setting
-from uvms_gym.studies.numerics import joints
+from uvms_gym.studies.numerics import joints, state_errors
 
 PNG = b"\x89PNG\r\n\x1a\n"
 EXPLICIT = ("mk1", "mk2", "mk3", "mk4")
@@ -179,7 +179,7 @@ def test_errors_are_distances_and_angles() -> None:
     )
     q = np.array([[[0.1, -0.2], [np.nan, 0.0]]])
     off = truth._replace(rotation=truth.rotation @ turn, position=truth.position + np.array([3.0, 4.0, 0.0]), q=q)
-    errors = work_precision._errors(off, truth)
+    errors = state_errors(off, truth)
     np.testing.assert_allclose(errors["attitude"], angle, rtol=1e-9)
     np.testing.assert_allclose(errors["position"], 5.0)
     assert errors["joints"].tolist() == [[0.2, np.inf]]

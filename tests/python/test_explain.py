@@ -11,8 +11,9 @@ from helpers import bodies, fixed_base
 pytest.importorskip("typer")
 
 from uvms_gym import Simulator, load_scene, scene_names
+from uvms_gym._rotations import about
 from uvms_gym.cli import explain, main
-from uvms_gym.studies.accuracy.driven_motion import driven_motion
+from uvms_gym.studies.accuracy.driven_motion import Track, driven_motion
 from uvms_gym.studies.numerics import joints
 from uvms_gym.studies.terms import ablation
 from uvms_gym.studies.terms import scene_terms as terms
@@ -126,7 +127,7 @@ def test_errors_are_those_of_the_motion_without_the_term() -> None:
     motion = driven_motion(scene, 3, 10.0, 0)
     listed = found(scene)
     chosen = ["links: quadratic damping", "current", "end stops"]
-    floor, errors = ablation.trajectory_errors(motion, [listed[name] for name in chosen], lambda: None)
+    floor, errors = ablation.trajectory_errors(motion, [listed[name] for name in chosen])
     assert floor.shape == (2, 3)
     assert 0.0 < floor.max() < 1e-8
     assert not errors["end stops"].any(), "no joint gets there"
@@ -146,10 +147,11 @@ def test_errors_are_those_of_the_motion_without_the_term() -> None:
 
 
 def test_a_lost_motion_counts_as_infinitely_far() -> None:
-    here = (np.zeros((2, 3, 3)), np.tile(np.eye(3), (2, 3, 1, 1)), np.zeros((2, 3, 3)))
-    nan = tuple(np.full_like(part, np.nan) for part in here)
+    rotation, zero = np.tile(np.eye(3), (2, 3, 1, 1)), np.zeros((2, 3, 3))
+    here = Track(zero, rotation, zero[..., :0], zero, False, False)
+    nan = here._replace(position=zero * np.nan, rotation=rotation * np.nan, end_effector=zero * np.nan)
     assert np.isposinf(ablation._distance(here, nan)).all()
-    turned = (here[0], here[1] @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), here[2] + 2.0)
+    turned = here._replace(rotation=rotation @ about([0.0, 0.0, 1.0], np.pi / 2), end_effector=zero + 2.0)
     assert ablation._distance(here, turned) == pytest.approx(np.tile([0.0, np.pi / 2, 2.0 * np.sqrt(3.0)], (2, 1)))
 
 
@@ -165,7 +167,7 @@ def test_savings_stand_out_from_noise_or_are_none(monkeypatch: pytest.MonkeyPatc
         return 100.0 - 7.0 * cheap + float(rng.normal()) + disturbed
 
     monkeypatch.setattr(ablation, "_timed", timed)
-    whole, savings = ablation.step_costs(motion, chosen, 0, lambda: None)
+    whole, savings = ablation.step_costs(motion, chosen, 0)
     none, some = (savings[term.name] for term in chosen)
     assert whole == pytest.approx(100.0, abs=1.0)
     assert some.significant

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import uvms_gym
+from uvms_gym import _rotations as rotations
 from uvms_gym import identification
 from uvms_gym.cli import main
 from uvms_gym.identification import least_squares, scene_keys, toml
 from uvms_gym.identification.recordings import record
 from uvms_gym.identification.replay import Corrections, Replay, equilibrium
-from uvms_gym.logs import rotations
 from uvms_gym.studies.identification.synthetic import Sensors, synthetic_log
 
 POOL = Path(__file__).parents[1] / "data" / "pool"

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +13,7 @@ import uvms_gym
 from uvms_gym.cli import certificate
 from uvms_gym.cli.common import (
     EnvKwargs,
+    check_known,
     check_list,
     check_range,
     environment_arguments,
@@ -25,11 +25,13 @@ from uvms_gym.cli.common import (
     several,
     user_errors,
 )
-from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
+from uvms_gym.cli.output import Json, Out, name_files, say, scientific, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
+from uvms_gym.studies.accuracy.episodes import divides
 from uvms_gym.studies.accuracy.study import BASELINE, STEP, TIME
 from uvms_gym.studies.accuracy.work_precision import FLOOR, PRECISIONS, STABILITY_MARGIN, by_method, find
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
 
 FILES = ("accuracy.json", "accuracy.png", "drift.png")
@@ -95,18 +97,16 @@ def accuracy(
         if value:
             raise fail(f"--{option} needs --env; scenes take --step")
     known = work_precision.integrators()
-    for name in integrator or ():
-        if name not in known:
-            raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
+    check_known("integrator", integrator or (), known)
     for h in step or ():
         check_range("--step", h, MIN_STEP, PERIOD)
-        if not _divides(h, PERIOD):
+        if not divides(h, PERIOD):
             raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
     for bound in tolerance or ():
         check_range("--tolerance", bound, MIN_TOLERANCE, MOST_TOLERANCE)
     seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
     check_range("--time", seconds, PERIOD, MOST_TIME)
-    if not _divides(PERIOD, seconds):
+    if not divides(PERIOD, seconds):
         raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
     episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
     check_range("--episodes", episodes, 2, MOST_EPISODES)
@@ -128,20 +128,14 @@ def accuracy(
     settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
     run = {key: arguments[key] for key in ("episodes", "seed", "repeats")} | {"seconds": seconds}
     results = {}
-    with progress() as bar:
-        for name, loaded_scene in loaded.items():
-            task = bar.add_task(str(loaded_scene["name"]), total=study.ticks(settings, arguments["repeats"]))
+    with progress():
+        for name, loaded_scene in tracked(loaded.items(), "scenes"):
             with user_errors(f"{name}: "):
-                results[name] = study.study_scene(loaded_scene, settings, **run, tick=partial(bar.advance, task))
+                results[name] = study.study_scene(loaded_scene, settings, **run)
         spent = time.perf_counter() - begun
         criteria = study.criteria(results, arguments["time"])
-        data = {
-            "circumstances": circumstances("accuracy", arguments) | {"seconds": spent},
-            "results": results,
-            "criteria": criteria,
-        }
-        write_results(out, FILES, json_file, data)
-        bar.add_task("pictures", total=None)
+        about = circumstances("accuracy", arguments) | {"seconds": spent}
+        write_results(out, FILES, json_file, {"circumstances": about, "results": results, "criteria": criteria})
         with user_errors(verb="write"):
             plots.plot_work_precision(out / "accuracy.png", results, seconds)
             plots.plot_drift(out / "drift.png", results, seconds)
@@ -199,7 +193,7 @@ def _print_drift(name: str, rows: Sequence[dict[str, Any]], seconds: float) -> N
     lines = []
     for method in dict.fromkeys(row["integrator"] for row in fixed):
         by_precision = [find(fixed, method, precision, step) for precision in PRECISIONS]
-        lines.append((method, *(_number(row[q]["median"]) for row in by_precision if row for q in quantities)))
+        lines.append((method, *(scientific(row[q]["median"]) for row in by_precision if row for q in quantities)))
     header = ("integrator", *(f"{q} {precision}" for precision in PRECISIONS for q in quantities))
     table(f"{name}: relative drift in {seconds:g} s without dissipation, h = {step:g} s (median)", header, lines)
 
@@ -212,7 +206,7 @@ def _print_summary(results: dict[str, Any]) -> None:
                 lines.append((name, precision, "none", "", "", ""))
                 continue
             error = row["end_effector"]
-            numbers = (_number(error["median"]), _number(error["worst"]), f"{1e-3 * row['cost']:.3g}")
+            numbers = (scientific(error["median"]), scientific(error["worst"]), f"{1e-3 * row['cost']:.3g}")
             lines.append((name, precision, f"{row['step']:g}", *numbers))
     header = ("scene", "", "MK4 step, s", "error, m", "worst, m", "CPU, us per s")
     table("Recommended steps", header, lines, text_columns=2)
@@ -244,17 +238,5 @@ def _cell(row: dict[str, Any], uncertainty: float) -> str:
     if not error <= work_precision.DIVERGED:
         return f"diverged{warned}"
     if row["floor"]:
-        return f"<{_number(FLOOR * uncertainty, 0)}{warned}"
-    return f"{_number(error)}{'!' if row['diverged'] else ''}{warned}"
-
-
-def _number(value: float, decimals: int = 1) -> str:
-    """Write one or two digits, and the exponent without zeros."""
-    if not math.isfinite(value):
-        return "diverged"
-    mantissa, exponent = f"{value:.{decimals}e}".split("e")
-    return f"{mantissa}e{int(exponent)}" if value else "0"
-
-
-def _divides(part: float, whole: float) -> bool:
-    return math.isclose(round(whole / part) * part, whole, rel_tol=1e-9)
+        return f"<{scientific(FLOOR * uncertainty, 0)}{warned}"
+    return f"{scientific(error)}{'!' if row['diverged'] else ''}{warned}"

@@ -3,8 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,8 +12,20 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import bench_report
-from uvms_gym.cli.common import check_list, check_range, fail, hold, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.common import (
+    check_known,
+    check_list,
+    check_range,
+    fail,
+    hold,
+    prepare,
+    progress,
+    read_scene,
+    several,
+    user_errors,
+)
 from uvms_gym.cli.output import Json, Out, name_files, write_results
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
 from uvms_gym.studies.speed.plots import plot_speed
@@ -31,8 +42,6 @@ SUBSTEPS, QUICK_SUBSTEPS = (1, 10), (10,)
 DTYPES = ("float64", "float32")
 REPEATS, QUICK_REPEATS = 15, 5
 MOST_INSTANCES, MOST_THREADS, MOST_SUBSTEPS, MOST_REPEATS = 200_000, 1024, 1000, 1000
-
-Tick = Callable[[], None]
 
 
 def _whole(text: str) -> int:
@@ -72,9 +81,7 @@ def bench(
     All cases of a table are timed in turn, round by round: medians with quartiles. Prints tables and writes a picture
     and bench.json to --out.
     """
-    known = [entry["name"] for entry in uvms_gym.integrators()]
-    if integrator not in known:
-        raise fail(f"unknown integrator {integrator!r}; known: {', '.join(known)}")
+    check_known("integrator", [integrator], [entry["name"] for entry in uvms_gym.integrators()])
     for name in dtype or ():
         if name not in DTYPES:
             raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")
@@ -111,16 +118,15 @@ def bench(
     hold(out)
     begun, load = time.perf_counter(), os.getloadavg()
     results: dict[str, Any] = {}
-    with progress() as bar:
+    with progress():
         with user_errors():
-            results["physics"] = _physics(loaded, arguments, bar)
+            results["physics"] = _physics(loaded, arguments)
             if env:
-                results["environment"] = _environment(acting, arguments, bar)
+                results["environment"] = _environment(acting, arguments)
             if with_peers:
-                results["peers"] = _peers(compared, arguments, bar)
+                results["peers"] = _peers(compared, arguments)
             if sb3:
-                results["learning"] = _learning(acting[0], arguments, bar)
-        bar.add_task("picture", total=None)
+                results["learning"] = _learning(acting[0], arguments)
         results["parameters"] = physics.parameter_costs(results["physics"])
         vector = results.get("environment", {}).get("vector", [])
         results["threads"] = physics.thread_speedups(results["physics"], vector, _many(arguments))
@@ -152,19 +158,12 @@ def _many(arguments: dict[str, Any]) -> int:
     return MANY if MANY in arguments["n"] else max(arguments["n"])
 
 
-@contextmanager
-def _task(bar: Any, title: str, total: int) -> Iterator[Tick]:
-    task = bar.add_task(title, total=total)
-    yield lambda: bar.advance(task)
-    bar.remove_task(task)
-
-
-def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> list[dict[str, Any]]:
+def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> list[dict[str, Any]]:
     """Time all cases of a scene together, scene by scene: memory need not hold those of all scenes."""
-    repeats, rows = arguments["repeats"], []
+    rows = []
     # Instances, threads and substeps of the cases with varied parameters.
     varied_case = (_many(arguments), min(arguments["threads"]), max(arguments["substeps"]))
-    for scene in loaded:
+    for scene in tracked(loaded, "physics"):
         settings = [
             physics.Setting(
                 scene, n, threads, dtype, substeps, arguments["integrator"], varied, instruction_set, arguments["seed"]
@@ -177,52 +176,40 @@ def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: A
             for varied in (False, True)
             if not varied or (n, threads, substeps) == varied_case
         ]
-        with _task(bar, scene["name"], timing.rounds(len(settings), repeats)) as tick:
-            rows += physics.steps(settings, repeats, tick)
+        rows += physics.steps(settings, arguments["repeats"])
     return rows
 
 
-def _environment(acting: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+def _environment(acting: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> dict[str, Any]:
     n, repeats, seed = _many(arguments), arguments["repeats"], arguments["seed"]
     threads, dtypes = arguments["threads"], arguments["dtype"]
     result: dict[str, Any] = {"vector": [], "single": [], "gymnasium": []}
-    for scene in acting:
-        total = timing.rounds(3 * len(threads) * len(dtypes), repeats)
-        with _task(bar, f"{scene['name']}, make_vec", total) as tick:
-            result["vector"] += environment.vector_study(scene, n, threads, dtypes, repeats, seed, tick)
-        with _task(bar, f"{scene['name']}, make", repeats + 1) as tick:
-            result["single"].append(environment.single_study(scene, dtypes[0], repeats, seed, tick))
+    for scene in tracked(acting, "environments"):
+        result["vector"] += environment.vector_study(scene, n, threads, dtypes, repeats, seed)
+        result["single"].append(environment.single_study(scene, dtypes[0], repeats, seed))
         seconds = environment.QUICK_VECTOR_SECONDS if arguments["quick"] else environment.VECTOR_SECONDS
         for count in threads:
-            with _task(bar, f"{scene['name']}, benchmark_vector_step", 1):
-                rate = environment.gymnasium_study(scene, n, count, seconds, seed)
+            rate = environment.gymnasium_study(scene, n, count, seconds, seed)
             row = {"scene": scene["name"], "n": n, "threads": count, "steps_per_second": rate}
             result["gymnasium"].append(row)
     return result
 
 
-def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> dict[str, Any]:
     n, repeats, seed, quick = _many(arguments), arguments["repeats"], arguments["seed"], arguments["quick"]
     result: dict[str, Any] = {"versions": peers.versions(), "scope": peers.SCOPE, "scenes": {}, "vector": []}
-    for scene in compared:
-        found: dict[str, Any] = {"dry_difference": peers.dry_difference(scene, seed)}
-        with _task(bar, f"{scene['name']}, peers", peers.step_rounds(repeats)) as tick:
-            found["step"] = peers.step_study(scene, n, max(arguments["substeps"]), repeats, seed, tick)
-        with _task(bar, f"{scene['name']}, equal error", equal_error.ticks(quick)) as tick:
-            found["equal_error"] = equal_error.study(scene, seed, quick, tick)
-        with _task(bar, f"{scene['name']}, derivatives", derivatives.study_rounds(repeats)) as tick:
-            found["derivatives"] = derivatives.study(scene, repeats, seed, tick)
-        result["scenes"][scene["name"]] = found
+    for scene in tracked(compared, "peers"):
+        result["scenes"][scene["name"]] = {
+            "dry_difference": peers.dry_difference(scene, seed),
+            "step": peers.step_study(scene, n, max(arguments["substeps"]), repeats, seed),
+            "equal_error": equal_error.study(scene, seed, quick),
+            "derivatives": derivatives.study(scene, repeats, seed),
+        }
         if scene["vehicle"].get("thrusters"):
-            total = peers.vector_rounds(len(arguments["threads"]), repeats)
-            with _task(bar, f"{scene['name']}, make_vec and peers", total) as tick:
-                result["vector"] += peers.vector_study(scene, n, arguments["threads"], repeats, seed, tick)
+            result["vector"] += peers.vector_study(scene, n, arguments["threads"], repeats, seed)
     return result
 
 
-def _learning(scene: dict[str, Any], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+def _learning(scene: dict[str, Any], arguments: dict[str, Any]) -> dict[str, Any]:
     iterations = learning.QUICK_ITERATIONS if arguments["quick"] else learning.ITERATIONS
-    with _task(bar, f"{scene['name']}, PPO", iterations + 1) as tick:
-        return learning.ppo_study(
-            scene, _many(arguments), max(arguments["threads"]), iterations, arguments["seed"], tick
-        )
+    return learning.ppo_study(scene, _many(arguments), max(arguments["threads"]), iterations, arguments["seed"])

@@ -21,12 +21,7 @@ def spread(found: Mapping[str, float], scale: float = 1.0, digits: int = 0) -> s
 def print_all(results: dict[str, Any], run: dict[str, Any]) -> None:
     """Print the tables of all measured sections.
 
-    Parameters
-    ----------
-    results : dict
-        Sections by name.
-    run : dict
-        Circumstances of the run, with its `load`.
+    `run`: circumstances of the run, with its `load`.
     """
     arguments, machine = run["arguments"], run["machine"]
     before, after = (found[0] for found in (run["load"]["before"], run["load"]["after"]))

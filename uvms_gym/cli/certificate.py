@@ -3,16 +3,27 @@
 import math
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uvms_gym.cli.common import check_list, check_range, fail, hold, line, prepare, progress, read_scene, user_errors
-from uvms_gym.cli.output import name_files, say, table, write_results
+from uvms_gym.cli.common import (
+    check_known,
+    check_list,
+    check_range,
+    fail,
+    hold,
+    line,
+    prepare,
+    progress,
+    read_scene,
+    user_errors,
+)
+from uvms_gym.cli.output import name_files, say, scientific, table, write_results
 from uvms_gym.studies.accuracy import certificate, episodes, plots
 from uvms_gym.studies.accuracy.certificate import LIMITS, SHARE, UNITS
 from uvms_gym.studies.accuracy.episodes import Case, Configuration, Frame
 from uvms_gym.studies.accuracy.work_precision import PRECISIONS, STABILITY_MARGIN, integrators
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
 
 FILES = ("certificate.json", "certificate.png")
@@ -35,30 +46,17 @@ def certify(
 ) -> None:
     """Certify environments, each in its own scene or in all of `scenes`, and print and store the results.
 
-    Parameters
-    ----------
-    own : dict
-        Arguments of all environments.
-    chosen : dict
-        Given lists of `integrator`, `dtype` and `step`; all empty: the candidates of the study.
-    count : int or None
-        Number of episodes.
-
-    Raises
-    ------
-    TyperException
-        An argument is wrong.
+    `own` are arguments of all environments; `chosen` are given lists of `integrator`, `dtype` and `step`, all empty for
+    the candidates of the study; `count` is the number of episodes.
     """
-    for option, known in (("integrator", list(integrators())), ("dtype", list(PRECISIONS.values()))):
-        for name in chosen[option]:
-            if name not in known:
-                raise fail(f"unknown {option} {name!r}; known: {', '.join(known)}")
+    check_known("integrator", chosen["integrator"], integrators())
+    check_known("dtype", chosen["dtype"], PRECISIONS.values())
     for step in chosen["step"]:
         check_range("--dt", step, MIN_STEP, 1.0)
     count = EPISODES if count is None else count
     check_range("--episodes", count, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
-    cases: dict[str, tuple[Case, Frame, list[Configuration]]] = {}
+    cases: dict[str, tuple[Case, list[Configuration]]] = {}
     loaded = {name: read_scene(name) for name in check_list("scene", scenes, [])}
     for env in check_list("env", envs, []):
         for scene in loaded or (None,):
@@ -66,27 +64,20 @@ def certify(
             title = env if scene is None else f"{env}, {scene}"
             with user_errors("" if scene is None else f"{title}: "):
                 about = episodes.frame(case)
-            cases[title] = case, about, _configurations(title, about, chosen)
+            cases[title] = case, _configurations(title, about, chosen)
     prepare(out, json_file, FILES)
     hold(out)
     begun = time.perf_counter()
     results: dict[str, Any] = {}
-    with progress() as bar:
-        for title, (case, about, configurations) in cases.items():
-            task = bar.add_task(title, total=certificate.ticks(about, configurations))
+    with progress():
+        for title, (case, configurations) in tracked(cases.items(), "environments"):
             with user_errors(f"{title}: "):
-                results[title] = certificate.certify(case, configurations, tick=partial(bar.advance, task))
-        arguments = {
-            "env": list(envs),
-            "env_kwargs": own,
-            "scene": list(scenes),
-            **chosen,
-            "episodes": count,
-            "seed": seed,
-        }
+                results[title] = certificate.certify(case, configurations)
+        arguments: dict[str, Any] = {"env": list(envs), "env_kwargs": own, "scene": list(scenes), **chosen}
+        arguments |= {"episodes": count, "seed": seed}
         spent = time.perf_counter() - begun
-        data = {"circumstances": circumstances("accuracy", arguments) | {"seconds": spent}, "results": results}
-        write_results(out, FILES, json_file, data)
+        about_run = circumstances("accuracy", arguments) | {"seconds": spent}
+        write_results(out, FILES, json_file, {"circumstances": about_run, "results": results})
         with user_errors(verb="write"):
             plots.plot_certificates(out / "certificate.png", results, LIMITS)
     for title, result in results.items():
@@ -117,7 +108,7 @@ def _print(title: str, result: dict[str, Any], all_steps: bool) -> None:
     lines = []
     for configuration, row in rows.items():
         step = f"{configuration.step:g}{'*' if configuration == own else ''}"
-        numbers = (f"{_number(row['judged'][x])}{'!' if x in row['exceeded'] else ''}" for x in LIMITS)
+        numbers = (f"{scientific(row['judged'][x])}{'!' if x in row['exceeded'] else ''}" for x in LIMITS)
         lines.append((*configuration[:2], step, *numbers, _verdict(row, numbers=False)))
     title_of = f"{title}: errors in {SHARE * 100:g} % of the episodes of the worst drive"
     table(f"{title_of} (!: above the limit; *: the environment's own)", ("", "", "step, s", *HEADER, ""), lines, 2)
@@ -145,9 +136,9 @@ def _print_drives(title: str, configuration: Configuration, result: dict[str, An
         for quantity, unit in {**UNITS, "return": "1"}.items():
             found = errors[quantity]
             uncertainty = drive["uncertainty"][quantity]["p95"]
-            numbers = (_number(found[key]) for key in ("median", "p95", "worst"))
+            numbers = (scientific(found[key]) for key in ("median", "p95", "worst"))
             label = f"{quantity.replace('_', ' ')}, {unit}"
-            lines.append((name if quantity == "position" else "", label, *numbers, _number(uncertainty)))
+            lines.append((name if quantity == "position" else "", label, *numbers, scientific(uncertainty)))
     header = ("actions", "error", "median", "95 %", "worst", "reference")
     table(f"{title}: {configuration.title}, over the episodes", header, lines, text_columns=2)
 
@@ -163,9 +154,3 @@ def _print_notes(results: dict[str, Any]) -> None:
         f"{any_result['reference'].title} under the same actions; its uncertainty is the difference from "
         f"{any_result['check'].title}."
     )
-
-
-def _number(value: float) -> str:
-    if not math.isfinite(value):
-        return "diverged"
-    return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e") if value else "0"

@@ -1,4 +1,4 @@
-"""Options, checks, user errors and progress bars of all commands.
+"""Options, checks, user errors and progress bars of all commands. Checks raise what `fail` makes.
 
 Lists are given by repeating an option (`--scene a --scene b`); commas separate the entries of one vector (`X,Y,Z`).
 """
@@ -6,7 +6,7 @@ Lists are given by repeating an option (`--scene a --scene b`); commas separate 
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -15,11 +15,12 @@ import gymnasium
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from typer import Option
+from typer import Argument, Option
 
 import uvms_gym
 from uvms_gym._files import lock
 from uvms_gym.controllers.registry import policies_in
+from uvms_gym.studies.progress import bars
 
 T = TypeVar("T")
 
@@ -49,6 +50,8 @@ Policies = Annotated[
 ]
 #: Names of controllers, in help texts.
 CONTROLLER_HELP = "Controller: FAMILY or FAMILY/SETTING (`uvms controllers` lists them), mlp:FILE, or py:FILE.py:NAME"
+#: Scene as the first argument of a command.
+SceneArgument = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 #: Options of an environment. `train`, `play`, `compare` and `accuracy` share them; see `environment_arguments`.
 Scene = Annotated[
     str | None, Option(metavar="SCENE", help="Scene: name or TOML file. [default: the environment's, petasus-pum]")
@@ -88,19 +91,8 @@ def fail(message: str) -> typer.TyperException:
 def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> Iterator[None]:
     """Turn errors of library calls into user errors.
 
-    Parameters
-    ----------
-    place : str
-        Start of the message, such as "UVMS-StationKeep-v0: ".
-    verb : str
-        Access to files within the block: "read" or "write".
-    *also
-        Further errors to turn into user errors.
-
-    Raises
-    ------
-    TyperException
-        In place of ValueError, TypeError, ImportError, OSError, RecursionError and errors of Gymnasium.
+    `place`: start of the message, such as "UVMS-StationKeep-v0: ". `verb`: access to files within the block: "read" or
+    "write". `*also`: further errors to turn into user errors.
     """
     caught: tuple[type[Exception], ...] = (ValueError, TypeError, ImportError, gymnasium.error.Error, *also)
     try:
@@ -120,17 +112,8 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
 def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
     """Arguments of an environment, from --env-kwargs and from the options that have a name of their own.
 
-    Parameters
-    ----------
-    pairs : sequence of str or None
-        `KEY:VALUE`; values other than Python literals are strings.
-    **options
-        Values of options, by the argument that each sets; None or empty where the option is not given.
-
-    Raises
-    ------
-    TyperException
-        A pair lacks key or colon, or an argument is given twice.
+    `pairs`: `KEY:VALUE`; values other than Python literals are strings. `**options`: values of options, by the argument
+    that each sets; None or empty where the option is not given.
     """
     from uvms_gym.training.hyperparameters import parse_pairs
 
@@ -148,13 +131,7 @@ def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[s
 
 
 def check_environment(env: str) -> None:
-    """Refuse an id that Gymnasium does not know.
-
-    Raises
-    ------
-    TyperException
-        The message lists the environments of the package.
-    """
+    """Refuse an id that Gymnasium does not know."""
     known = ", ".join(name for name in gymnasium.registry if name.startswith("UVMS-"))
     try:
         gymnasium.spec(env)
@@ -163,23 +140,23 @@ def check_environment(env: str) -> None:
 
 
 def read_scene(scene: str) -> dict[str, Any]:
-    """Read and check a scene, by name or from a TOML file.
-
-    Raises
-    ------
-    TyperException
-        The scene does not exist or has a fault.
-    """
+    """Read and check a scene, by name or from a TOML file."""
     with user_errors():
         loaded: dict[str, Any] = uvms_gym.load_scene(scene)
     return loaded
 
 
-def progress() -> Progress:
-    """Make a transient progress bar on stderr, disabled where stderr is no terminal."""
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Show transient progress bars on stderr, if that is a terminal; loops of studies add their own (`tracked`)."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     terminal = _Console(stderr=True)
-    return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
+    with Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as shown:
+        token = bars.set(shown)
+        try:
+            yield shown
+        finally:
+            bars.reset(token)
 
 
 def line(text: str) -> None:
@@ -188,26 +165,21 @@ def line(text: str) -> None:
 
 
 def check_range(option: str, value: float, minimum: float, most: float) -> None:
-    """Refuse a number out of range, and NaN.
-
-    Raises
-    ------
-    TyperException
-        The message names option, value and range.
-    """
+    """Refuse a number out of range, and NaN."""
     if not minimum <= value <= most:
         allowed = f"{minimum:g} to {most:.15g}" if most < math.inf else f"at least {minimum:g}"
         raise fail(f"{option} is {value}, but must be {allowed}")
 
 
-def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) -> list[T]:
-    """Values of a repeated option, or its default.
+def check_known(kind: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse names that are not among those known."""
+    for name in names:
+        if name not in known:
+            raise fail(f"unknown {kind} {name!r}; known: {', '.join(known)}")
 
-    Raises
-    ------
-    TyperException
-        A value is given twice.
-    """
+
+def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) -> list[T]:
+    """Values of a repeated option, or its default."""
     given = list(values or default)
     for value in given:
         if given.count(value) > 1:
@@ -220,13 +192,7 @@ held = ExitStack()
 
 
 def hold(folder: Path) -> None:
-    """Hold a folder until the command ends.
-
-    Raises
-    ------
-    TyperException
-        Another run of uvms holds it.
-    """
+    """Hold a folder until the command ends."""
     try:
         held.enter_context(lock(folder))
     except BlockingIOError:
@@ -234,13 +200,7 @@ def hold(folder: Path) -> None:
 
 
 def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:
-    """Make the folders of a command's results, and check access to them and to the files `names` in `out`.
-
-    Raises
-    ------
-    TyperException
-        A folder cannot be made, or a folder or file cannot be written.
-    """
+    """Make the folders of a command's results, and check access to them and to the files `names` in `out`."""
     for folder in {folder for folder in (out, json_file and json_file.absolute().parent) if folder is not None}:
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import check_range, fail, line, prepare, read_scene, user_errors
+from uvms_gym.cli.common import check_known, check_range, line, prepare, read_scene, user_errors
 from uvms_gym.cli.output import Out, say, table
 from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, picture
 
@@ -47,8 +47,7 @@ def disturbances(
     target.
     """
     levels = uvms_gym.disturbance_levels()
-    if name is not None and name not in levels:
-        raise fail(f"there is no level {name!r}; known: {', '.join(levels)}")
+    check_known("level", [name] if name else [], levels)
     check_range("--seconds", seconds, 1.0, LONGEST)
     check_range("--seed", seed, 0, 2**64 - 1)
     description = read_scene(scene)
@@ -73,13 +72,7 @@ def disturbances(
 
 
 def disturbance_profile(scene: Any, disturbance: Any, seed: int, seconds: float) -> Profile:
-    """Disturbance of an episode over time.
-
-    Raises
-    ------
-    ValueError, TypeError, gymnasium.error.Error
-        The environment refuses its arguments.
-    """
+    """Disturbance of an episode over time."""
     env = gymnasium.make("UVMS-StationKeep-v0", scene=scene, disturbance=disturbance)
     env.reset(seed=seed)
     task: Any = env.unwrapped

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from typer import Option
 
-from uvms_gym.cli.common import check_range, console, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.common import SceneArgument, check_range, console, prepare, progress, read_scene, user_errors
 from uvms_gym.cli.output import Json, say, table, write_json
-from uvms_gym.cli.scenes import Scene
 from uvms_gym.studies.accuracy.driven_motion import CURRENT
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.terms import ablation
@@ -24,7 +23,7 @@ SMALL = (1e-3, 1e-3, 1e-3)
 
 
 def explain(
-    scene: Scene,
+    scene: SceneArgument,
     episodes: Annotated[int, Option(help=f"Motions of the ensemble, 1 to {MOST_EPISODES}.")] = 64,
     seed: Annotated[int, Option(help="Seed of the ensemble.")] = 0,
     json_file: Json = None,
@@ -37,9 +36,8 @@ def explain(
     check_range("--episodes", episodes, 1, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
     prepare(None, json_file)
-    with progress() as bar, user_errors(f"{scene}: "):
-        task = bar.add_task("Terms", total=ablation.ticks(loaded))
-        found = ablation.ablate(loaded, episodes, seed, lambda: bar.advance(task))
+    with progress(), user_errors(f"{scene}: "):
+        found = ablation.ablate(loaded, episodes, seed)
     console.print(loaded["name"], style="bold", markup=False)
     console.print()
     _print_costs(found)

@@ -28,12 +28,8 @@ _HELD = ("thrust", "path", "payload")
 def film(env: Any, moments: Iterator[Instant], frame: Frame, last: bool = False) -> Iterator[Picture]:
     """Pictures of an episode at a rate of their own: what is between control instants is interpolated.
 
-    Parameters
-    ----------
-    env : TaskEnv
-        Environment that is in the state of the instant that `moments` gave last.
-    last : bool
-        The picture of the last instant only.
+    `env`: environment that is in the state of the instant that `moments` gave last. `last`: the picture of the last
+    instant only.
     """
     curves = error_curves(env)
     overlay = Overlay(frame.title, frame.disturbance, frame.seconds, frame.settings.size, curves)
@@ -86,13 +82,7 @@ def _rotated(mixed: Any) -> Any:
 
 
 def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
-    """Write pictures at `rate` per second as a video or an animation, or the last one, by the suffix of the file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write pictures at `rate` per second as a video or an animation, or the last one, by the suffix of the file."""
     if path.suffix.lower() == ".mp4":
         _write_mp4(path, iter(pictures), rate)
     elif path.suffix.lower() == ".gif":

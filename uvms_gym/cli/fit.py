@@ -9,9 +9,19 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym._files import read_text, write
-from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, several, user_errors
+from uvms_gym.cli.common import (
+    SceneArgument,
+    check_list,
+    check_range,
+    fail,
+    line,
+    prepare,
+    progress,
+    several,
+    user_errors,
+)
+from uvms_gym.cli.logs import Logs, Map, Period, print_errors, read_logs
 from uvms_gym.cli.output import say, table, write_json
-from uvms_gym.cli.validate import Logs, Map, Period, Scene, print_means, print_trials, read_logs
 from uvms_gym.identification import Fit, files, toml
 from uvms_gym.identification import fit as run
 from uvms_gym.identification.least_squares import ITERATIONS
@@ -24,7 +34,7 @@ INTERRUPTED = 130
 
 
 def fit(
-    scene: Scene,
+    scene: SceneArgument,
     logs: Logs,
     map_file: Map,
     free: Annotated[
@@ -130,11 +140,11 @@ def _print(found: Fit) -> None:
             say(f"{key} is negative, as if stamps came before what they stamp: the clocks of the logs may differ")
     if found.at_bounds:
         say(f"at a bound: {', '.join(found.at_bounds)}")
-    print_means("Trials fitted: RMS errors, mean over the trials", found.table.of(found.train))
+    print_errors("Trials fitted: RMS errors, mean over the trials", found.table.of(found.train))
     if found.held_out:
         held = found.table.of(found.held_out)
-        print_means("Trials held out: RMS errors, mean over the trials", held)
-        print_trials("Trials held out, by trial", held, "fitted")
+        print_errors("Trials held out: RMS errors, mean over the trials", held)
+        print_errors("Trials held out, by trial", held, "fitted")
     if not found.solution.converged:
         say("not converged: interrupted, or too many iterations; these are the best values so far")
 

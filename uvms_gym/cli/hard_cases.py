@@ -40,9 +40,8 @@ def hard_cases(
         cases = select(case or ())
     prepare(out, json_file, FILES)
     hold(out)
-    with progress() as bar:
-        task = bar.add_task("hard cases", total=len(cases) * len(methods()) * len(DTYPES))
-        runs = run_all(cases, lambda: bar.advance(task))
+    with progress():
+        runs = run_all(cases)
     data = {"circumstances": circumstances("hard-cases", {"case": case or []}), "results": as_data(cases, runs)}
     write_results(out, FILES, json_file, data)
     with user_errors(verb="write"):

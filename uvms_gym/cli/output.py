@@ -1,5 +1,6 @@
 """Tables and files of all commands."""
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -55,6 +56,14 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]], text
         console.print()
 
 
+def scientific(value: float, decimals: int = 1) -> str:
+    """Write a number with its exponent, without zeros in the exponent; "diverged" where it is not finite."""
+    if not math.isfinite(value):
+        return "diverged"
+    mantissa, exponent = f"{value:.{decimals}e}".split("e")
+    return f"{mantissa}e{int(exponent)}" if value else "0"
+
+
 def say(text: str) -> None:
     """Print a paragraph."""
     console.print(text, style="dim", markup=False)
@@ -62,13 +71,7 @@ def say(text: str) -> None:
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write data as JSON.
-
-    Raises
-    ------
-    TyperException
-        The file cannot be written.
-    """
+    """Write data as JSON."""
     with user_errors(verb="write"):
         records.write_json(path, data)
 

@@ -30,21 +30,10 @@ COLOURS = (WHITE, GREY, GRID, PANEL, *(_rgb(curve.colour) for curve in CURVES))
 class Overlay:
     """Composes the pictures of one episode.
 
-    Parameters
-    ----------
-    title, disturbance : str
-        Text at the left, and level of disturbances.
-    seconds : float
-        Duration of the episode, the width of the chart.
-    size : tuple of int
-        Width and height of the whole picture, pixels.
-    curves : sequence of Curve
-        Errors in the chart.
+    `title`, `disturbance`: text at the left, and level of disturbances. `size`: width and height of the whole picture,
+    pixels.
 
-    Attributes
-    ----------
-    view : tuple of int
-        Width and height that are left for the picture of the scene.
+    `view`: width and height that are left for the picture of the scene.
     """
 
     def __init__(

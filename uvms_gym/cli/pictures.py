@@ -32,13 +32,7 @@ class Frame(NamedTuple):
 
 
 def read_settings(size: str | None, fps: float | None, camera: str | None, suffix: str) -> Settings:
-    """Read the options, with the defaults of a file of this suffix.
-
-    Raises
-    ------
-    TyperException
-        An option has another form, or is out of range.
-    """
+    """Read the options, with the defaults of a file of this suffix."""
     animated = suffix == ".gif"
     rate = fps if fps is not None else GIF_RATE if animated else RATE
     check_range("--fps", rate, 1.0, MOST_RATE)

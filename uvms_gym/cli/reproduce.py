@@ -8,6 +8,7 @@ import numpy as np
 from uvms_gym.cli.common import hold, prepare, progress, user_errors
 from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.studies.paper import arm_motion, free_body, momentum, plots
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
 
 UPDATES = {"quaternion-rk4": "RK4", "quaternion-euler": "Euler"}
@@ -23,21 +24,12 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     files = ("reproduce.json", *PICTURES)
     prepare(out, json_file, files)
     hold(out)
-    samples = len(arm_motion.CASES) * round(arm_motion.TIME / arm_motion.STEP / arm_motion.STRIDE)
-    intervals = 2 * len(momentum.STEPS) * round(momentum.TIME / momentum.INTERVAL)
-    with progress() as bar:
-        task = bar.add_task("free body", total=4)
-        results: dict[str, Any] = {}
-        for study in (free_body.table_1, free_body.gamma_sweep, free_body.figure_2, free_body.tumbling):
-            results[study.__name__] = study()
-            bar.advance(task)
-        task = bar.add_task("momentum", total=intervals)
-        results["momentum"] = momentum.momentum(lambda: bar.advance(task))
-        task = bar.add_task("arm motion", total=samples)
-        results["arm_motion"] = arm_motion.arm_motion(lambda: bar.advance(task))
+    about_free_body = (free_body.table_1, free_body.gamma_sweep, free_body.figure_2, free_body.tumbling)
+    studies = (*about_free_body, momentum.momentum, arm_motion.arm_motion)
+    with progress():
+        results: dict[str, Any] = {study.__name__: study() for study in tracked(studies, "paper")}
         data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
         write_results(out, files, json_file, data)
-        task = bar.add_task("pictures", total=None)
         with user_errors(verb="write"):
             _draw(out, results)
 

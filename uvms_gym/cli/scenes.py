@@ -4,14 +4,12 @@ import math
 from typing import Annotated, Any
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 import uvms_gym
-from uvms_gym.cli.common import check_range, console, fail, prepare, read_scene
+from uvms_gym.cli.common import SceneArgument, check_range, console, fail, prepare, read_scene
 from uvms_gym.cli.output import Json, say, table, write_json
 from uvms_gym.studies.numerics import bodies
-
-Scene = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 
 Speed = Annotated[
     float | None,
@@ -41,7 +39,7 @@ def list_scenes() -> None:
     table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
 
 
-def show(scene: Scene, json_file: Json = None) -> None:
+def show(scene: SceneArgument, json_file: Json = None) -> None:
     """Show a scene's bodies, joints, thrusters, fastest modes and the sources of its numbers."""
     loaded = read_scene(scene)
     prepare(None, json_file)
@@ -74,7 +72,7 @@ def show(scene: Scene, json_file: Json = None) -> None:
 
 
 def check(
-    scene: Scene,
+    scene: SceneArgument,
     speed: Speed = None,
     strict: Annotated[bool, Option("--strict", help="Exit status 1 if there are warnings.")] = False,
     json_file: Json = None,

@@ -9,13 +9,7 @@ from uvms_gym.controllers.families import BASELINE
 
 
 def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port: int) -> None:
-    """Serve the page until Ctrl-C.
-
-    Raises
-    ------
-    TyperException
-        The controller or seed is refused, the port is taken, or viser is not of the version that is checked.
-    """
+    """Serve the page until Ctrl-C."""
     from uvms_gym.viewer.episode import LiveEpisode
     from uvms_gym.viewer.server import HOST, Viewer
 

@@ -22,7 +22,7 @@ Entries without noise (references, previous action) have no unit in that sense a
 the errors: white noise averages out in it, so its noise is small, and its error is that of the pose, judged itself.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,9 +38,8 @@ from uvms_gym.studies.accuracy.episodes import (
     record,
 )
 from uvms_gym.studies.accuracy.work_precision import PRECISIONS, STABILITY_MARGIN
-from uvms_gym.studies.numerics import Floats, rotation_distance
-
-Tick = Callable[[], object]
+from uvms_gym.studies.numerics import Floats, state_errors
+from uvms_gym.studies.progress import tracked
 
 #: Candidate steps, s; those that divide the control period are taken.
 STEPS = (0.001, 0.002, 0.005, 0.01, 0.0125, 0.02, 0.025, 0.05)
@@ -81,31 +80,17 @@ def candidates(about: Frame) -> list[Configuration]:
     return [Configuration(name, dtype, step) for name in names for dtype in PRECISIONS.values() for step in steps]
 
 
-def ticks(about: Frame, chosen: Sequence[Configuration]) -> int:
-    """Number of calls of `tick` by `certify`."""
-    return len(about.drives) * (2 + len(chosen))
-
-
 def certify(
     case: Case,
     chosen: Sequence[Configuration] | None = None,
     *,
     reference: Configuration = REFERENCE,
     check: Configuration = CHECK,
-    tick: Tick = lambda: None,
 ) -> dict[str, Any]:
     """Errors of configurations over the episodes of an environment, verdicts, and recommended steps.
 
-    Parameters
-    ----------
-    case : Case
-    chosen : sequence of Configuration or None
-        None: `candidates`.
-    reference, check : Configuration
-        Reference, and the other solution whose difference from it is the uncertainty. Steps are reduced to divide the
-        control period.
-    tick : callable
-        Called `ticks` times.
+    `chosen` is by default `candidates`. The difference of `check` from `reference` is the uncertainty; their steps are
+    reduced to divide the control period.
 
     Returns
     -------
@@ -114,13 +99,6 @@ def certify(
         the sum of rewards, the reference's `uncertainty` and `warned`; `rows` by configuration with the errors by
         drive, those at `SHARE` of the episodes of the worst drive, and `exceeded`, the reasons against it (none:
         certified); `recommended` steps by integrator and precision.
-
-    Raises
-    ------
-    ValueError
-        Unknown environment, a step that does not divide the control period, or a reference that is not converged.
-    TypeError, gymnasium.error.Error
-        The environment refuses its options.
     """
     about = frame(case)
     chosen = candidates(about) if chosen is None else list(chosen)
@@ -135,11 +113,9 @@ def certify(
     deviation: Floats | None = None
     for name, drive in about.drives.items():
         truth = record(case, about, reference, drive)
-        tick()
         if deviation is None:
             deviation = sensor_noise(case, about, truth)
         other = compare(record(case, about, check, truth.actions), truth, deviation)
-        tick()
         for quantity, limit in LIMITS.items():
             if not (most := other[quantity][_KEY]) <= CONVERGED * limit:
                 raise ValueError(
@@ -152,9 +128,8 @@ def certify(
             "uncertainty": other,
             "warned": truth.warned,
         }
-        for errors, configuration in zip(found, chosen, strict=True):
+        for errors, configuration in tracked(list(zip(found, chosen)), f"{case.env}, {name} actions"):
             errors[name] = compare(record(case, about, configuration, truth.actions), truth, deviation)
-            tick()
     rows = [_row(*pair, about) for pair in zip(chosen, found, strict=True)]
     return {
         "env": case.env,
@@ -195,15 +170,9 @@ def compare(run: Recording, truth: Recording, deviation: Floats) -> dict[str, An
     seen = deviation > 0.0
     # A diverging run may overflow.
     with np.errstate(over="ignore", invalid="ignore"):
-        states = {
-            "position": np.linalg.norm(run.position - truth.position, axis=-1),
-            "attitude": rotation_distance(run.rotation, truth.rotation),
-            "joints": np.abs(run.q - truth.q).max(axis=-1, initial=0.0),
-            "end_effector": np.linalg.norm(run.end_effector - truth.end_effector, axis=-1),
-        }
         noise = _finite(np.abs(run.observations - truth.observations)[..., seen]) / deviation[seen]
         gains = np.abs(_finite(np.where(both, run.rewards - truth.rewards, 0.0)).sum(axis=0))
-    errors = {name: np.where(both, _finite(error), 0.0).max(axis=0) for name, error in states.items()}
+    errors = {name: np.where(both, error, 0.0).max(axis=0) for name, error in state_errors(run, truth).items()}
     errors["observation"] = np.array([_quantile(noise[both[:, i], i]).max(initial=0.0) for i in range(both.shape[1])])
     with np.errstate(divide="ignore", invalid="ignore"):
         errors["reward"] = np.nan_to_num(gains / _spread(truth), nan=0.0, posinf=np.inf)

@@ -3,7 +3,7 @@
 import copy
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD
 from uvms_gym.studies.accuracy.work_precision import Setting
 from uvms_gym.studies.numerics import Floats, bodies, joints, median_and_worst
+from uvms_gym.studies.progress import tracked
 
 #: Root mean squares at the start: velocity, m/s; angular velocity and joint rates, rad/s; joint coordinates about home.
 SPEED, SPIN, RATE, SPREAD = 0.2, 0.2, 0.3, 0.3
@@ -43,7 +44,6 @@ def drifts(
     episodes: int,
     seconds: float,
     seed: int,
-    tick: Callable[[], None] = lambda: None,
 ) -> list[dict[str, Any]]:
     """Maximum relative drifts by every setting: of energy, and of impulse over the sum of |momentum| at the start.
 
@@ -53,7 +53,7 @@ def drifts(
     still = conservative(scene)
     state = _start(still, episodes, seed)
     rows = []
-    for setting in chosen:
+    for setting in tracked(chosen, "drift"):
         with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
             warnings.simplefilter("ignore")
             simulator = Simulator(still, episodes, **setting.options())
@@ -63,7 +63,6 @@ def drifts(
         for name, values in maximum.items():
             row[name] = median_and_worst(np.where(np.isfinite(values), values, np.inf))
         rows.append(row)
-        tick()
     return rows
 
 

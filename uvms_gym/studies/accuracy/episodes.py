@@ -82,13 +82,7 @@ class Recording(NamedTuple):
 
 
 def frame(case: Case) -> Frame:
-    """Read the properties of a case from its environment.
-
-    Raises
-    ------
-    ValueError, TypeError, gymnasium.error.Error
-        The id is not that of a UVMS environment, or the environment refuses its options.
-    """
+    """Read the properties of a case from its environment."""
     known = [name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith("uvms_gym.envs:")]
     if case.env not in known:
         raise ValueError(f"unknown environment {case.env!r}; known: {', '.join(known)}")
@@ -123,19 +117,8 @@ def record(
 ) -> Recording:
     """Run the first episode of every instance.
 
-    Parameters
-    ----------
-    case : Case
-    about : Frame
-    configuration : Configuration
-        Its step divides the control period.
-    drive : numpy.ndarray (T, N, a), Controller or None
-        Actions, the controller in the loop that gives them, or None for random ones.
-
-    Raises
-    ------
-    ValueError, TypeError, gymnasium.error.Error
-        The environment refuses its options.
+    `configuration`: its step divides the control period. `drive` (T, N, a): actions, the controller in the loop that
+    gives them, or None for random ones.
     """
     count = round(about.period / configuration.step)
     running = np.ones(case.episodes, dtype=np.bool_)
@@ -182,11 +165,6 @@ def noise_deviation(case: Case, about: Frame, actions: NDArray[np.float32]) -> F
 
     It is measured: the same episodes with and without noise differ in nothing else. The noise is the environment's own,
     or that of the component `noise` by default where the environment has none.
-
-    Raises
-    ------
-    ValueError, TypeError, gymnasium.error.Error
-        The environment refuses its options.
     """
     given = case.options.get("disturbance", gymnasium.registry[case.env].kwargs.get("disturbance"))
     if given is None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from uvms_gym.studies.accuracy import conservation, work_precision
-from uvms_gym.studies.accuracy.work_precision import PRECISIONS, Setting, Tick, at_cost, find
+from uvms_gym.studies.accuracy.work_precision import PRECISIONS, Setting, at_cost, find
 
 #: Step of criteria and of the comparison at equal cost, s, and the time, s, and scene that they are stated for.
 STEP, TIME, SCENE = 0.01, 10.0, "petasus-pum"
@@ -33,24 +33,18 @@ def study_scene(
     seconds: float,
     seed: int,
     repeats: int,
-    tick: Tick = lambda: None,
 ) -> dict[str, Any]:
-    """Run the whole accuracy study of a scene; `tick` is called `ticks(settings, repeats)` times.
+    """Run the whole accuracy study of a scene.
 
     Returns
     -------
     dict
         That of `work_precision.study`, with `drift` by setting, `smooth_orders` without quadratic damping,
         `recommended` rows by precision, and the `comparison` at equal cost.
-
-    Raises
-    ------
-    ValueError
-        The scene is too stiff for the reference.
     """
     run: dict[str, Any] = {"seconds": seconds, "seed": seed}
-    result = work_precision.study(scene, settings, episodes=episodes, repeats=repeats, tick=tick, **run)
-    result["drift"] = conservation.drifts(scene, settings, episodes=episodes, tick=tick, **run)
+    result = work_precision.study(scene, settings, episodes=episodes, repeats=repeats, **run)
+    result["drift"] = conservation.drifts(scene, settings, episodes=episodes, **run)
     names = dict.fromkeys(setting.integrator for setting in settings if setting.tolerance is None)
     smooth = [Setting(name, "f64", step) for name in names for step in SMOOTH_STEPS]
     rows = work_precision.study(
@@ -60,11 +54,6 @@ def study_scene(
     result["recommended"] = {precision: work_precision.recommend(result, precision) for precision in PRECISIONS}
     result["comparison"] = compare_at_equal_cost(result["rows"])
     return result
-
-
-def ticks(settings: Sequence[Setting], repeats: int) -> int:
-    """Number of calls of `tick` by `study_scene`."""
-    return work_precision.ticks(settings, repeats) + len(settings)
 
 
 def compare_at_equal_cost(rows: Sequence[dict[str, Any]]) -> dict[str, float] | None:

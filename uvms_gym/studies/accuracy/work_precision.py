@@ -4,7 +4,7 @@ import copy
 import statistics
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,15 +13,13 @@ import uvms_gym
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD, Motion, Track, character, driven_motion, follow
 from uvms_gym.studies.numerics import (
-    Floats,
     bodies,
     convergence_order,
     loglog_interpolation,
     median_and_worst,
-    rotation_distance,
+    state_errors,
 )
-
-Tick = Callable[[], None]
+from uvms_gym.studies.progress import tracked
 
 PRECISIONS = {"f64": "float64", "f32": "float32"}
 STEPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
@@ -86,11 +84,6 @@ def settings(names: Iterable[str], steps: Sequence[float], tolerances: Sequence[
     return result
 
 
-def ticks(chosen: Sequence[Setting], repeats: int) -> int:
-    """Number of calls of `tick` by `study`."""
-    return 1 + len(CHECKS) + len(chosen) + repeats
-
-
 def study(
     scene: dict[str, Any],
     chosen: Sequence[Setting],
@@ -99,31 +92,15 @@ def study(
     seconds: float,
     seed: int,
     repeats: int = REPEATS,
-    tick: Tick = lambda: None,
 ) -> dict[str, Any]:
     """Errors and cost of every setting over the driven motion, against a reference checked by other methods.
 
-    Parameters
-    ----------
-    scene : dict
-        As `uvms_gym.load_scene` gives it.
-    chosen : sequence of Setting
-    episodes, seconds, seed
-        Instances of the ensemble, duration in s, and seed of starts and drives.
-    repeats : int
-        Interleaved measurements of cost; 0: no cost is measured.
-    tick : callable
-        Called `ticks(chosen, repeats)` times.
+    `episodes` are instances of the ensemble, `repeats` interleaved measurements of cost (0: no cost is measured).
 
     Returns
     -------
     dict
         `character` of the motion, `reference`, `rows` by setting, `orders` and `stable_steps` by integrator.
-
-    Raises
-    ------
-    ValueError
-        The reference is not finite.
     """
     motion = driven_motion(scene, episodes, seconds, seed)
     # One sample per second, if the motion has whole seconds.
@@ -131,20 +108,18 @@ def study(
     samples = periods // 10 if periods % 10 == 0 else periods
 
     def run(setting: Setting) -> Track:
-        track = follow(motion, setting.options(), samples)
-        tick()
-        return track
+        return follow(motion, setting.options(), samples)
 
     reference = run(REFERENCE)
     if not np.isfinite(reference.end_effector).all():
         raise ValueError(f"the motion is not finite by {REFERENCE.title}: the scene is too stiff")
-    differences = [_errors(run(check), reference) for check in CHECKS]
+    differences = [state_errors(run(check), reference) for check in CHECKS]
     ends = {name: [median_and_worst(errors[name][-1]) for errors in differences] for name in QUANTITIES}
     uncertainty = {name: {key: max(end[key] for end in ends[name]) for key in ends[name][0]} for name in QUANTITIES}
     floor = FLOOR * uncertainty["end_effector"]["median"]
-    rows = [_row(setting, run(setting), reference, floor) for setting in chosen]
+    rows = [_row(setting, run(setting), reference, floor) for setting in tracked(chosen, f"{scene['name']}, errors")]
     if repeats:
-        for row, cost in zip(rows, _costs(motion, chosen, repeats, tick), strict=True):
+        for row, cost in zip(rows, _costs(motion, chosen, repeats), strict=True):
             row["cost"] = cost
     # Joint servos are on, and no joint reaches an end stop.
     stable = Simulator(scene).stable_steps(vehicle_servo=False, end_stops=False)
@@ -228,21 +203,8 @@ def _resolved(row: dict[str, Any]) -> bool:
     return not (row["diverged"] or row["floor"])
 
 
-def _errors(track: Track, reference: Track) -> dict[str, Floats]:
-    """Errors of every quantity, (samples, N); infinite where a number is not finite."""
-    # A diverging run may overflow.
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = {
-            "position": np.linalg.norm(track.position - reference.position, axis=-1),
-            "attitude": rotation_distance(track.rotation, reference.rotation),
-            "joints": np.abs(track.q - reference.q).max(axis=-1, initial=0.0),
-            "end_effector": np.linalg.norm(track.end_effector - reference.end_effector, axis=-1),
-        }
-    return {name: np.where(np.isfinite(error), error, np.inf) for name, error in errors.items()}
-
-
 def _row(setting: Setting, track: Track, reference: Track, floor: float) -> dict[str, Any]:
-    errors = _errors(track, reference)
+    errors = state_errors(track, reference)
     diverged = np.any([error[-1] > DIVERGED for error in errors.values()], axis=0)
     row: dict[str, Any] = setting._asdict()
     for name, error in errors.items():
@@ -255,17 +217,16 @@ def _row(setting: Setting, track: Track, reference: Track, floor: float) -> dict
     return row
 
 
-def _costs(motion: Motion, chosen: Sequence[Setting], repeats: int, tick: Tick) -> list[float]:
+def _costs(motion: Motion, chosen: Sequence[Setting], repeats: int) -> list[float]:
     """CPU time of each setting on one thread, ns per simulated second and instance: medians of interleaved repeats."""
     motion = motion.tiled(TIMED)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         simulators = [Simulator(motion.scene, TIMED, threads=1, **setting.options()) for setting in chosen]
         spent: list[list[float]] = [[] for _ in chosen]
-        for _ in range(repeats):
+        for _ in tracked(range(repeats), "costs"):
             for simulator, samples in zip(simulators, spent, strict=True):
                 samples.append(_cost(motion, simulator))
-            tick()
     return [statistics.median(samples) for samples in spent]
 
 

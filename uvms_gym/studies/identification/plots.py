@@ -16,13 +16,7 @@ _COLOURS = {"replay": VERMILION, "balance": BLUE, "constant": GREY}
 
 
 def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
-    """Measured and predicted channels of up to `most` trials, evenly chosen.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Measured and predicted channels of up to `most` trials, evenly chosen."""
     count = min(most, len(validation.recordings))
     chosen = np.unique(np.linspace(0, len(validation.recordings) - 1, count).round().astype(int))
     names = [name for name in _SHOWN if name in validation.table.channels]
@@ -46,13 +40,7 @@ def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
 
 
 def plot_intervals(path: Path, fit: Fit) -> None:
-    """Intervals of all parameters in standard deviations of their priors, beside the priors.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Intervals of all parameters in standard deviations of their priors, beside the priors."""
     u, count = fit.uncertainty, len(fit.parameters)
     at = (fit.solution.common - np.array([p.origin for p in fit.parameters])) / u.prior
     half = u.quantile * u.deviations / u.prior

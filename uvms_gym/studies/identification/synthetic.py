@@ -1,14 +1,17 @@
 """Synthetic logs: a scene simulated, with the noise, rates and lags of real recordings."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym import Log, Simulator
+from uvms_gym import Log, Simulator, load_scene
+from uvms_gym import _rotations as rotations
+from uvms_gym.identification.parameters import Parameter, apply
 from uvms_gym.identification.replay import equilibrium
-from uvms_gym.logs import Imu, Joints, Pose, Thrusters, Twist, rotations
+from uvms_gym.logs import Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.interpolation import hermite
 
 Floats = NDArray[np.float64]
 
@@ -18,38 +21,40 @@ PERIOD = 0.05
 SUBSTEPS = 2
 
 
-@dataclass(frozen=True)
-class Sensors:
-    """Noise, rates and lags; the defaults are those of the pool data set.
+class Sensors(NamedTuple):
+    """Noise and lags; the defaults are those of the pool data set."""
 
-    Attributes
-    ----------
-    attitude_noise, attitude_drift : float
-        White noise of roll, pitch and yaw, and standard deviation of an error that changes slowly, deg.
-    drift_time : float
-        Time over which that error is correlated, s.
-    gyro_noise : float
-        White noise of angular velocity, rad/s.
-    position_noise, velocity_noise : float
-        White noise of position, m, and of velocity, m/s.
-    joint_lag, joint_jitter : float
-        Lateness of the stamps of joint states, s, and its deviation from sample to sample.
-    joint_zeros : tuple of float
-        Zeros of the joints that the log does not correct, rad or m; empty: none.
-    thruster_lag : float
-        Lateness of the stamps of commands, s.
-    """
-
+    #: White noise of roll, pitch and yaw, and standard deviation of an error that changes slowly, deg.
     attitude_noise: float = 0.03
     attitude_drift: float = 0.2
+    #: Time over which that error is correlated, s.
     drift_time: float = 5.0
+    #: White noise of angular velocity, rad/s, of position, m, and of velocity, m/s.
     gyro_noise: float = 0.0012
     position_noise: float = 0.002
     velocity_noise: float = 0.005
+    #: Lateness of the stamps of joint states, s, and its deviation from sample to sample.
     joint_lag: float = 0.23
     joint_jitter: float = 0.02
+    #: Zeros of the joints that the log does not correct, rad or m; empty: none.
     joint_zeros: tuple[float, ...] = ()
+    #: Lateness of the stamps of commands, s.
     thruster_lag: float = 0.0
+
+
+def draw_truth(
+    scene: dict[str, Any], parameters: Sequence[Parameter], spread: Floats, rng: np.random.Generator
+) -> tuple[dict[str, Any], Sensors, Floats]:
+    """Scene and sensors that differ from a scene by random amounts, and the true coordinates (p,) of its parameters.
+
+    `spread` (p,) are the standard deviations of the differences.
+    """
+    simulator = Simulator(scene)
+    x = np.array([p.origin for p in parameters]) + spread * rng.normal(size=len(parameters))
+    truth, corrections = apply(scene, parameters, x, simulator.joint_names, simulator.thruster_names)
+    zeros = tuple(np.asarray(corrections.zeros).tolist())
+    lags = {f"{channel[:-1]}_lag": corrections.lags.get(channel, 0.0) for channel in ("joints", "thrusters")}
+    return load_scene(truth | {"provenance": {}}), Sensors(**lags, joint_zeros=zeros), x
 
 
 def arm_motion(scene: dict[str, Any], periods: int, rng: np.random.Generator) -> Floats:
@@ -72,11 +77,7 @@ def arm_motion(scene: dict[str, Any], periods: int, rng: np.random.Generator) ->
             q[moving, k] = at + (to - at) * (s * s * (3.0 - 2.0 * s))[moving]
             qd[moving, k] = ((to - at) / length * 6.0 * s * (1.0 - s))[moving]
             at, now = to, now + length + float(rng.uniform(0.5, 2.0))
-    d = np.diff(q, axis=0) / PERIOD
-    return np.stack(
-        [q[:-1], qd[:-1], (3.0 * d - 2.0 * qd[:-1] - qd[1:]) / PERIOD, (qd[:-1] + qd[1:] - 2.0 * d) / PERIOD**2],
-        axis=-1,
-    )
+    return hermite((q[:-1], qd[:-1]), (q[1:], qd[1:]), PERIOD)
 
 
 def synthetic_log(
@@ -91,22 +92,8 @@ def synthetic_log(
 ) -> Log:
     """Log of a simulated trial.
 
-    Parameters
-    ----------
-    scene : dict
-        Complete scene: the truth.
-    name : str
-        Name of the trial.
-    duration : float
-        Length, s.
-    rng : numpy.random.Generator
-        Source of motion and noise.
-    sensors : Sensors, optional
-        Noise, rates and lags.
-    driven : bool
-        True: random thruster commands, and a velocity log (twist).
-    current : float
-        Speed of a horizontal current in a random direction, m/s.
+    `scene` is the truth; `duration` is in s; `driven` adds random thruster commands and a velocity log (twist);
+    `current` is the speed, m/s, of a horizontal current in a random direction.
     """
     sensors = sensors or Sensors()
     periods = int(duration / PERIOD)

@@ -7,7 +7,7 @@ import numpy as np
 from uvms_gym import Simulator
 from uvms_gym.studies.speed.physics import DT, start
 from uvms_gym.studies.speed.rigid_chain import dry
-from uvms_gym.studies.speed.timing import Case, Tick, calls_per_sample, interleave, rounds, summary
+from uvms_gym.studies.speed.timing import Case, calls_per_sample, interleave, summary
 
 #: Steps of a call of ours, where it is not one.
 STEPS = 10
@@ -58,7 +58,7 @@ class Jacobians(Case):
             raise ValueError(f"{self.simulator.scene['name']}: a timed derivative is not finite")
 
 
-def study(scene: dict[str, Any], repeats: int, seed: int, tick: Tick) -> dict[str, Any]:
+def study(scene: dict[str, Any], repeats: int, seed: int) -> dict[str, Any]:
     """Time derivatives at a moving state, interleaved.
 
     Returns
@@ -86,7 +86,7 @@ def study(scene: dict[str, Any], repeats: int, seed: int, tick: Tick) -> dict[st
     )
     cases: dict[str, Any] = dict(zip(CASES, timed, strict=True))
     cases |= {"aba": pinocchio_model.Single(scene, "aba", seed), "batch": pinocchio_model.Dynamics(scene, seed)}
-    seconds = {name: times.cpu for name, times in interleave(cases, repeats, tick).items()}
+    seconds = {name: times.cpu for name, times in interleave(cases, repeats).items()}
     call = seconds.pop("aba") - seconds.pop("batch") / pinocchio_model.STAGES
     seconds[ABA] = seconds[ABA] - call
     return {
@@ -95,8 +95,3 @@ def study(scene: dict[str, Any], repeats: int, seed: int, tick: Tick) -> dict[st
         "call": summary(call),
         "errors": mujoco_model.difference_errors(wet, seed),
     }
-
-
-def study_rounds(repeats: int) -> int:
-    """Number of calls of `tick` by `study`."""
-    return rounds(len(CASES) + 2, repeats)

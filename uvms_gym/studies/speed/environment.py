@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.speed.physics import THRUST, assert_finite
-from uvms_gym.studies.speed.timing import Case, Tick, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Case, calls_per_sample, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
 #: Physics steps of 0.01 s per control step.
@@ -83,7 +84,7 @@ class Physics(Case):
 
 
 def vector_study(
-    scene: dict[str, Any], n: int, threads: list[int], dtypes: list[str], repeats: int, seed: int, tick: Tick
+    scene: dict[str, Any], n: int, threads: list[int], dtypes: list[str], repeats: int, seed: int
 ) -> list[dict[str, Any]]:
     """Time of the vector environment and of the physics of the same substeps, interleaved.
 
@@ -95,7 +96,7 @@ def vector_study(
         cases[dtype, count, "env"] = case
         for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
             cases[dtype, count, name] = Physics(case.env.unwrapped.snapshot(), substeps, seed)
-    samples = interleave(cases, repeats, tick)
+    samples = interleave(cases, repeats)
     rows = []
     for dtype, count in product(dtypes, threads):
         spent, once, twice = (samples[dtype, count, name].fair(count) for name in ("env", "once", "twice"))
@@ -111,7 +112,7 @@ def vector_study(
     return rows
 
 
-def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tick: Tick) -> dict[str, Any]:
+def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int) -> dict[str, Any]:
     """Time single calls of `gymnasium.make(...).step`, wrappers and all, and of the physics of the same substeps."""
     env = gymnasium.make(ENV, scene=scene, substeps=SUBSTEPS, dtype=dtype)
     rng = np.random.default_rng(seed)
@@ -133,11 +134,10 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tic
         return [timed(case.step, 1).wall for _ in range(SINGLE_CALLS)]
 
     medians = []
-    for _ in range(repeats + 1):
+    for _ in tracked(range(repeats + 1), "make"):
         medians.append([float(np.median(x)) for x in (steps(), *(calls(case) for case in physics))])
         for case in physics:
             case.check()
-        tick()
     of_env, once, twice = np.array(medians[1:]).T
     alone = twice - once
     parts = {"env": of_env, "physics": once, "physics_alone": alone, "above": of_env - once}

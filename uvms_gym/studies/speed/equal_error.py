@@ -10,8 +10,8 @@ import numpy as np
 
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats, loglog_interpolation
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.speed.physics import DT, THRUST
-from uvms_gym.studies.speed.timing import Tick
 
 #: Initial states, held thrusts (N, m) and joint targets (n,).
 Motions = tuple[list[dict[str, Floats]], Floats, Floats]
@@ -29,8 +29,8 @@ OURS, THEIRS = DT / 32, 1e-4
 CHUNK = 1000
 
 
-def study(scene: dict[str, Any], seed: int, quick: bool, tick: Tick) -> dict[str, Any]:
-    """Find the steps at equal error; `tick` is called `ticks(quick)` times.
+def study(scene: dict[str, Any], seed: int, quick: bool) -> dict[str, Any]:
+    """Find the steps at equal error.
 
     Returns
     -------
@@ -38,27 +38,18 @@ def study(scene: dict[str, Any], seed: int, quick: bool, tick: Tick) -> dict[str
         `ours`: median error of the vehicle's position, m, of MK4 at `DT` by dtype; `theirs` by integrator: `steps`,
         `errors`, `order` of the finest two, and by dtype the equal `step`, s, and whether it is `extrapolated`;
         `uncertainty`: change of either reference with twice its step, m.
-
-    Raises
-    ------
-    ValueError
-        MuJoCo's motion is finite at fewer than two steps.
     """
     ladders = QUICK_LADDERS if quick else LADDERS
     motions = _motions(scene, seed)
     fine = _by_us(scene, motions, OURS)
-    tick()
     ours = {dtype: _error(_by_us(scene, motions, DT, dtype), fine) for dtype in ("float64", "float32")}
     uncertainty = {"ours": _error(_by_us(scene, motions, 2.0 * OURS), fine)}
     theirs: dict[str, Any] = {}
     reference = _by_mujoco(scene, motions, "RK4", THEIRS)
     uncertainty["theirs"] = _error(_by_mujoco(scene, motions, "RK4", 2.0 * THEIRS), reference)
-    tick()
     for integrator, steps in ladders.items():
-        errors = []
-        for step in steps:
-            errors.append(_error(_by_mujoco(scene, motions, integrator, step), reference))
-            tick()
+        title = f"MuJoCo {integrator}"
+        errors = [_error(_by_mujoco(scene, motions, integrator, step), reference) for step in tracked(steps, title)]
         theirs[integrator] = {
             "steps": steps,
             "errors": errors,
@@ -68,19 +59,8 @@ def study(scene: dict[str, Any], seed: int, quick: bool, tick: Tick) -> dict[str
     return {"ours": ours, "theirs": theirs, "uncertainty": uncertainty, "motions": MOTIONS, "time": TIME}
 
 
-def ticks(quick: bool) -> int:
-    """Number of calls of `tick` by `study`."""
-    return 2 + sum(len(steps) for steps in (QUICK_LADDERS if quick else LADDERS).values())
-
-
 def equal_step(steps: tuple[float, ...], errors: list[float], error: float) -> dict[str, Any]:
-    """Step of a method with a given error, by its line of log step over log error; steps are in descending order.
-
-    Raises
-    ------
-    ValueError
-        Errors are finite at fewer than two steps.
-    """
+    """Step of a method with a given error, by its line of log step over log error; steps are in descending order."""
     valid = [(h, e) for h, e in zip(steps, errors, strict=True) if np.isfinite(e) and e > 0.0]
     if len(valid) < 2:
         raise ValueError("no equal error: MuJoCo's motion is not finite at all steps but one")

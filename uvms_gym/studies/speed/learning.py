@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 
 from uvms_gym.studies.speed.environment import ENV, SUBSTEPS
-from uvms_gym.studies.speed.timing import Tick, summary
+from uvms_gym.studies.speed.timing import summary
 
 #: Steps of each instance per iteration of PPO, and its minibatch.
 ROLLOUT, MINIBATCH = 16, 4096
@@ -17,14 +17,8 @@ ITERATIONS, QUICK_ITERATIONS = 5, 1
 WRAPPER = "uvms_gym.sb3.NativeVecEnv"
 
 
-def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed: int, tick: Tick) -> dict[str, Any]:
-    """Time PPO on the CPU; the first iteration is discarded.
-
-    Raises
-    ------
-    ValueError
-        A parameter of the policy is not finite.
-    """
+def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed: int) -> dict[str, Any]:
+    """Time PPO on the CPU; the first iteration is discarded."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
@@ -47,7 +41,6 @@ def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed
 
         def _on_rollout_end(self) -> None:
             self.marks[-1] = (self.begun, time.perf_counter() - self.begun, env.spent)
-            tick()
 
     clock = Clock()
     work = n * ROLLOUT

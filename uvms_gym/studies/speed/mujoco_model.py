@@ -40,15 +40,8 @@ def build(
 ) -> Any:
     """Make the model.
 
-    Parameters
-    ----------
-    water : bool
-        False: vacuum.
-    weight : str
-        "none": no gravity, as for a body that floats; "buoyant": weight and, as `gravcomp`, buoyancy at the centre of
-        mass; "full": weight alone.
-    actuators : bool
-        False: no thrusters and servos.
+    `weight` is "none" (no gravity, as for a body that floats), "buoyant" (weight and, as `gravcomp`, buoyancy at the
+    centre of mass) or "full" (weight alone); `actuators` adds thrusters and servos.
     """
     root = ET.Element("mujoco")
     ET.SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")

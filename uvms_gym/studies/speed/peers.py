@@ -9,7 +9,7 @@ from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.environment import SUBSTEPS, VectorEnv
 from uvms_gym.studies.speed.physics import Setting, Stepping
 from uvms_gym.studies.speed.rigid_chain import chain, dry
-from uvms_gym.studies.speed.timing import Tick, interleave, rounds, summary
+from uvms_gym.studies.speed.timing import interleave, summary
 
 #: Names of our cases.
 OURS = {"float64": "ours, f64", "float32": "ours, f32"}
@@ -61,13 +61,7 @@ def versions() -> dict[str, str]:
 
 
 def dry_difference(scene: dict[str, Any], seed: int = 0) -> dict[str, float]:
-    """Maximum relative difference of each peer's accelerations from ours, without water, over random states.
-
-    Raises
-    ------
-    ValueError
-        It exceeds `BOUND`: the peer has another model.
-    """
+    """Maximum relative difference of each peer's accelerations from ours, without water, over random states."""
     from uvms_gym.studies.speed import mujoco_model, pinocchio_model
 
     vacuum = dry(scene)
@@ -108,7 +102,7 @@ def _random(rng: np.random.Generator, simulator: Simulator) -> tuple[dict[str, F
     return state, 20.0 * rng.normal(size=6), rng.normal(size=n)
 
 
-def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed: int, tick: Tick) -> dict[str, Any]:
+def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed: int) -> dict[str, Any]:
     """Time a step of MK4 and the steps of the peers, on one thread.
 
     Returns
@@ -125,7 +119,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
         model = mujoco_model.build(scene, integrator, **options)
         cases[name] = mujoco_model.Rolling(model, scene, steps=substeps, seed=seed)
     cases[ABA] = pinocchio_model.Dynamics(scene, seed)
-    samples = interleave(cases, repeats, tick)
+    samples = interleave(cases, repeats)
     return {
         "n": n,
         "substeps": substeps,
@@ -142,14 +136,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
     }
 
 
-def step_rounds(repeats: int) -> int:
-    """Number of calls of `tick` by `step_study`."""
-    return rounds(len(OURS) + len(MODELS) + 1, repeats)
-
-
-def vector_study(
-    scene: dict[str, Any], n: int, threads: list[int], repeats: int, seed: int, tick: Tick
-) -> list[dict[str, Any]]:
+def vector_study(scene: dict[str, Any], n: int, threads: list[int], repeats: int, seed: int) -> list[dict[str, Any]]:
     """Time of the vector environment, f64, and of MuJoCo's RK4 at as many instances, substeps and threads.
 
     Returns
@@ -167,7 +154,7 @@ def vector_study(
             integrator, options = MODELS[name]
             model = mujoco_model.build(scene, integrator, **options)
             cases[count, name] = mujoco_model.Rolling(model, scene, n=n, steps=SUBSTEPS, threads=count, seed=seed)
-    samples = interleave(cases, repeats, tick)
+    samples = interleave(cases, repeats)
     rows = []
     for count in threads:
         ours = samples[count, "ours"].fair(count)
@@ -176,8 +163,3 @@ def vector_study(
         row: dict[str, Any] = {"scene": scene["name"], "n": n, "threads": count, "substeps": SUBSTEPS}
         rows.append(row | {"ours": summary(ours), "peers": against})
     return rows
-
-
-def vector_rounds(counts: int, repeats: int) -> int:
-    """Number of calls of `tick` by `vector_study`, for `counts` numbers of threads."""
-    return rounds(counts * (1 + len(VECTOR_MODELS)), repeats)

@@ -12,7 +12,7 @@ import numpy as np
 
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
-from uvms_gym.studies.speed.timing import Case, Tick, Times, calls_per_sample, interleave, summary
+from uvms_gym.studies.speed.timing import Case, Times, calls_per_sample, interleave, summary
 
 #: Standard deviation of initial twists (m/s and rad/s), range of held thrusts (share of the limits), and step, s.
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
@@ -95,19 +95,13 @@ def vary(simulator: Simulator, rng: np.random.Generator) -> None:
 
 
 def assert_finite(name: str, simulator: Simulator) -> None:
-    """Check that a timed motion is valid.
-
-    Raises
-    ------
-    ValueError
-        The state is not finite.
-    """
+    """Check that a timed motion is valid."""
     state = (simulator.position, simulator.rotation, simulator.twist, simulator.q, simulator.qd)
     if not all(np.isfinite(part).all() for part in state):
         raise ValueError(f"{name}: the timed motion is not finite")
 
 
-def steps(settings: Sequence[Setting], repeats: int, tick: Tick) -> list[dict[str, Any]]:
+def steps(settings: Sequence[Setting], repeats: int) -> list[dict[str, Any]]:
     """Time all settings, interleaved; a process for each instruction set other than this process's.
 
     Returns
@@ -124,7 +118,7 @@ def steps(settings: Sequence[Setting], repeats: int, tick: Tick) -> list[dict[st
             facts = _result(pool, _prepare, list(chosen.values()))
             cases |= {k: Remote(pool, index, facts[index]) for index, k in enumerate(chosen)}
         cases = dict(sorted(cases.items()))
-        samples = interleave(cases, repeats, tick)
+        samples = interleave(cases, repeats)
         facts = [case.facts() for case in cases.values()]
     rows = []
     for k, (setting, fact) in enumerate(zip(settings, facts, strict=True)):
@@ -215,14 +209,7 @@ def thread_speedups(
 ) -> list[dict[str, Any]]:
     """Wall-clock speed of several threads over that of one, round by round, with the most substeps.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Those of `steps`.
-    vector : sequence of dict
-        Those of `environment.vector_study`.
-    many : int
-        Number of instances.
+    `rows` come from `steps`, `vector` from `environment.vector_study`.
     """
     most = max(row["substeps"] for row in rows)
     named = [("physics", row) for row in rows if (row["n"], row["substeps"], row["varied"]) == (many, most, False)]

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym.studies.numerics import Floats
-
-Tick = Callable[[], None]
+from uvms_gym.studies.progress import tracked
 
 #: Minimum duration of a sample, s, by repeated calls: the first one, with caches filled by the case before, is one of
 #: several.
@@ -56,20 +55,14 @@ def require(module: str, package: str, extra: str) -> None:
         raise ImportError(f"{package} is missing ({error}); run: pip install 'uvms-gym[{extra}]'") from None
 
 
-def interleave(cases: Mapping[Any, Case], repeats: int, tick: Tick = lambda: None) -> dict[Any, Times]:
+def interleave(cases: Mapping[Any, Case], repeats: int) -> dict[Any, Times]:
     """Times of every case, after a discarded round."""
     samples: dict[Any, list[Times]] = {name: [] for name in cases}
-    for _ in range(repeats + 1):
+    for _ in tracked(range(repeats + 1), f"{len(cases)} cases in turns"):
         for name, case in cases.items():
             samples[name].append(case.sample())
             case.check()
-            tick()
     return {name: Times(*np.array(values[1:]).T) for name, values in samples.items()}
-
-
-def rounds(cases: int, repeats: int) -> int:
-    """Number of calls of `tick` by `interleave`."""
-    return cases * (repeats + 1)
 
 
 def timed(call: Callable[[], object], calls: int) -> Times:

@@ -4,17 +4,16 @@ import gc
 import math
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from uvms_gym import Simulator
-from uvms_gym.studies.accuracy.driven_motion import Motion, driven_motion, follow
-from uvms_gym.studies.numerics import Floats, rotation_distance
+from uvms_gym.studies.accuracy.driven_motion import Motion, Track, driven_motion, follow
+from uvms_gym.studies.numerics import Floats, state_errors
+from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.terms.scene_terms import ALL, CURRENT, Term, edited, terms_of
-
-Tick = Callable[[], None]
 
 #: Step of all runs, s; length of the motion and instants of errors, s.
 STEP, TIME, INSTANTS = 0.005, 10.0, (1.0, 10.0)
@@ -41,32 +40,23 @@ class Saving(NamedTuple):
 
 
 class Ablation(NamedTuple):
-    """Terms of a scene with their costs and effects.
+    """Terms of a scene with their costs and effects."""
 
-    Attributes
-    ----------
-    terms : list of Term
-        All terms, present or not.
-    step_cost : float
-        Cost of a step of the whole scene, ns per instance.
-    savings : dict
-        Saving without each removable term, by name.
-    integration_error : numpy.ndarray (times, 3)
-        Median error of the integration at `INSTANTS`: position (m), attitude (rad), end effector (m).
-    errors : dict
-        Median errors (times, 3) without each removable term, by name.
-    """
-
+    #: All terms, present or not.
     terms: list[Term]
+    #: Cost of a step of the whole scene, ns per instance.
     step_cost: float
+    #: Saving without each removable term, by name.
     savings: dict[str, Saving]
+    #: (times, 3) median error of the integration at `INSTANTS`: position (m), attitude (rad), end effector (m).
     integration_error: Floats
+    #: Median errors (times, 3) without each removable term, by name.
     errors: dict[str, Floats]
 
     @property
     def removable(self) -> list[Term]:
         """Terms that can be removed."""
-        return removable(self.terms)
+        return [term for term in self.terms if term.remove is not None]
 
     def as_data(self) -> dict[str, Any]:
         """Results as dictionaries."""
@@ -87,32 +77,17 @@ class Ablation(NamedTuple):
         }
 
 
-def ablate(scene: dict[str, Any], episodes: int, seed: int, tick: Tick = lambda: None) -> Ablation:
-    """Measure costs and effects of all terms over an ensemble of driven motions; `tick` is called `ticks(scene)` times.
-
-    Raises
-    ------
-    ValueError
-        The scene is too stiff for the motion.
-    """
+def ablate(scene: dict[str, Any], episodes: int, seed: int) -> Ablation:
+    """Measure costs and effects of all terms over an ensemble of driven motions."""
     terms = terms_of(scene)
     with warnings.catch_warnings():
         # A scene without a term may be stiff at this step; its error shows that.
         warnings.simplefilter("ignore")
         motion = driven_motion(scene, episodes, TIME, seed)
-        floor, errors = trajectory_errors(motion, removable(terms), tick)
-        whole, savings = step_costs(motion.tiled(TIMED), removable(terms), seed, tick)
+        removable = [term for term in terms if term.remove is not None]
+        floor, errors = trajectory_errors(motion, removable)
+        whole, savings = step_costs(motion.tiled(TIMED), removable, seed)
     return Ablation(terms, whole, savings, floor, errors)
-
-
-def ticks(scene: dict[str, Any]) -> int:
-    """Number of calls of `tick` by `ablate`."""
-    return len(removable(terms_of(scene))) + 2 + BATCHES
-
-
-def removable(terms: Sequence[Term]) -> list[Term]:
-    """Terms that can be removed."""
-    return [term for term in terms if term.remove is not None]
 
 
 def without_term(motion: Motion, term: Term) -> Motion:
@@ -124,7 +99,7 @@ def without_term(motion: Motion, term: Term) -> Motion:
     return motion._replace(scene=edited(motion.scene, term.remove), start=start)
 
 
-def trajectory_errors(motion: Motion, terms: Sequence[Term], tick: Tick) -> tuple[Floats, dict[str, Floats]]:
+def trajectory_errors(motion: Motion, terms: Sequence[Term]) -> tuple[Floats, dict[str, Floats]]:
     """Median errors (times, 3) of the motion: of the integration, by half the step, and without each term, by name.
 
     Infinite where a motion is not finite.
@@ -132,28 +107,25 @@ def trajectory_errors(motion: Motion, terms: Sequence[Term], tick: Tick) -> tupl
     samples = round(TIME / INSTANTS[0])
     rows = [round(t / INSTANTS[0]) - 1 for t in INSTANTS]
 
-    def end(motion: Motion, step: float) -> tuple[Floats, Floats, Floats]:
+    def end(motion: Motion, step: float) -> Track:
         track = follow(motion, {"dt": step}, samples)
-        tick()
-        return track.position[rows], track.rotation[rows], track.end_effector[rows]
+        parts = {name: getattr(track, name)[rows] for name in ("position", "rotation", "q", "end_effector")}
+        return track._replace(**parts)
 
     reference = end(motion, STEP)
     floor = _distance(reference, end(motion, 0.5 * STEP))
-    return floor, {term.name: _distance(reference, end(without_term(motion, term), STEP)) for term in terms}
+    motions = {term.name: without_term(motion, term) for term in terms}
+    ends = {name: end(other, STEP) for name, other in tracked(motions.items(), "errors")}
+    return floor, {name: _distance(reference, other) for name, other in ends.items()}
 
 
-def _distance(a: tuple[Floats, Floats, Floats], b: tuple[Floats, Floats, Floats]) -> Floats:
-    """Medians over instances of |position|, angle and |end effector| between two runs, (times, 3)."""
-    with np.errstate(invalid="ignore"):
-        parts = (
-            np.linalg.norm(a[0] - b[0], axis=-1),
-            rotation_distance(a[1], b[1]),
-            np.linalg.norm(a[2] - b[2], axis=-1),
-        )
-    return np.stack([np.median(np.where(np.isfinite(part), part, np.inf), axis=-1) for part in parts], axis=-1)
+def _distance(a: Track, b: Track) -> Floats:
+    """Medians over instances of the distances of two runs in `QUANTITIES`, (times, 3)."""
+    errors = state_errors(b, a)
+    return np.stack([np.median(errors[name], axis=-1) for name in QUANTITIES], axis=-1)
 
 
-def step_costs(motion: Motion, terms: Sequence[Term], seed: int, tick: Tick) -> tuple[float, dict[str, Saving]]:
+def step_costs(motion: Motion, terms: Sequence[Term], seed: int) -> tuple[float, dict[str, Saving]]:
     """Cost of an MK4 step of the whole scene, ns per instance, and savings without each term.
 
     All variants take turns in each round, in random order, on one thread, through the same part of the motion.
@@ -165,14 +137,13 @@ def step_costs(motion: Motion, terms: Sequence[Term], seed: int, tick: Tick) -> 
     gc.disable()
     simulators: dict[int, Simulator] = {}
     try:
-        for batch in times:
+        for batch in tracked(times, "costs"):
             # Old simulators live until all new ones do, so that these lie elsewhere in memory.
             order = rng.permutation(len(motions)).tolist()
             simulators = {k: Simulator(motions[k].scene, TIMED, dt=STEP, threads=1) for k in order}
             for row in [batch[0], *batch]:
                 for k in rng.permutation(len(motions)).tolist():
                     row[k] = _timed(simulators[k], motions[k])
-            tick()
     finally:
         if collects:
             gc.enable()

@@ -37,14 +37,18 @@ class _Kind(NamedTuple):
     note: str = ""
 
 
-def terms_of(scene: Table) -> list[Term]:
-    """All terms that a scene can have, with their presence in this one and the edits that remove them.
+def _number(name: str, table: str, key: str, neutral: Any, note: str = "") -> _Kind:
+    """Kind of term that a neutral number, or list of numbers, in a table of a body or joint removes."""
+    return _Kind(
+        name,
+        lambda part, _: np.any(part[table][key] if table else part[key]),
+        lambda part, _: (part[table] if table else part).update({key: neutral}),
+        note,
+    )
 
-    Parameters
-    ----------
-    scene : dict
-        As `uvms_gym.load_scene` gives it.
-    """
+
+def terms_of(scene: Table) -> list[Term]:
+    """All terms that a scene can have, with their presence in this one and the edits that remove them."""
     terms = []
     for group, pick in _GROUPS.items():
         held = group == "vehicle" and scene["vehicle"]["fixed"]
@@ -118,8 +122,8 @@ def _restores(body: Table, water: Table) -> bool:
 
 
 def _remove_flow(body: Table, water: Table) -> None:
-    body["added_mass"] = [0.0] * 6
-    body["damping"].update(linear=[0.0] * 6, quadratic=[0.0] * 6)
+    body["added_mass"] = _ZERO
+    body["damping"].update(linear=_ZERO, quadratic=_ZERO)
 
 
 def _make_weightless(body: Table, water: Table) -> None:
@@ -133,29 +137,23 @@ def _make_weightless(body: Table, water: Table) -> None:
     body["center_of_buoyancy"] = body["center_of_mass"]
 
 
+_ZERO = [0.0] * 6
 _BODY_KINDS = (
-    _Kind(
+    _number(
         "added mass",
-        lambda body, water: np.any(body["added_mass"]),
-        lambda body, water: body.update(added_mass=[0.0] * 6),
+        "",
+        "added_mass",
+        _ZERO,
         "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
     ),
     _Kind(
         "added mass, off-diagonal",
-        lambda body, water: _is_coupled(_matrix(body["added_mass"])),
-        lambda body, water: body.update(added_mass=np.diag(_matrix(body["added_mass"])).tolist()),
+        lambda body, _: _is_coupled(_matrix(body["added_mass"])),
+        lambda body, _: body.update(added_mass=np.diag(_matrix(body["added_mass"])).tolist()),
         "off-diagonal entries in the frame of the given coefficients",
     ),
-    _Kind(
-        "linear damping",
-        lambda body, water: np.any(body["damping"]["linear"]),
-        lambda body, water: body["damping"].update(linear=[0.0] * 6),
-    ),
-    _Kind(
-        "quadratic damping",
-        lambda body, water: np.any(body["damping"]["quadratic"]),
-        lambda body, water: body["damping"].update(quadratic=[0.0] * 6),
-    ),
+    _number("linear damping", "damping", "linear", _ZERO),
+    _number("quadratic damping", "damping", "quadratic", _ZERO),
     _Kind("added mass, damping", _feels_flow, _remove_flow, "all of the above at once"),
     _Kind(
         "weight, buoyancy",
@@ -167,26 +165,18 @@ _BODY_KINDS = (
 
 _ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion does not hold for others"
 _JOINT_KINDS = (
-    _Kind(
-        "joint friction, viscous",
-        lambda joint, water: joint["friction"]["viscous"] > 0.0,
-        lambda joint, water: joint["friction"].update(viscous=0.0),
-    ),
-    _Kind(
-        "joint friction, Coulomb",
-        lambda joint, water: joint["friction"]["coulomb"] > 0.0,
-        lambda joint, water: joint["friction"].update(coulomb=0.0),
-    ),
+    _number("joint friction, viscous", "friction", "viscous", 0.0),
+    _number("joint friction, Coulomb", "friction", "coulomb", 0.0),
     _Kind(
         "end stops",
-        lambda joint, water: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,
-        lambda joint, water: joint.pop("limits", None),
+        lambda joint, _: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,
+        lambda joint, _: joint.pop("limits", None),
         _ONLY_WHERE_REACHED,
     ),
     _Kind(
         "effort limits",
-        lambda joint, water: "effort" in joint,
-        lambda joint, water: joint.pop("effort", None),
+        lambda joint, _: "effort" in joint,
+        lambda joint, _: joint.pop("effort", None),
         _ONLY_WHERE_REACHED,
     ),
 )

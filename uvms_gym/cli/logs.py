@@ -1,0 +1,39 @@
+"""Logs of `uvms validate` and `uvms fit`: options, reading, and tables of errors."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from uvms_gym import Log
+from uvms_gym.cli.common import user_errors
+from uvms_gym.cli.output import table
+from uvms_gym.identification import Table
+from uvms_gym.identification.recordings import CHANNELS
+from uvms_gym.identification.validation import select
+
+Logs = Annotated[Path, Argument(metavar="LOGS", help="Directory of the logs, or a bag.")]
+Map = Annotated[Path, Option("--map", metavar="FILE", help="Map of the logs' channels (docs/logs.md).")]
+Period = Annotated[float, Option(help="Interval between compared samples, s.")]
+
+
+def read_logs(scene: str, path: Path, map_file: Path, trials: Sequence[str] = ()) -> list[Log]:
+    """Logs of a directory or a bag: all, or the trials that match patterns."""
+    with user_errors():
+        logs = Log.read_all(path, map_file, scene=scene)
+        wanted = select([log.name for log in logs], trials or ["*"])
+    return [log for log in logs if log.name in wanted]
+
+
+def print_errors(title: str, errors: Table, predictor: str | None = None) -> None:
+    """Print the RMS of each channel: by trial of one predictor, or by predictor as the mean over the trials."""
+    names = errors.channels
+    if predictor is None:
+        title = f"{title} ({len(errors.trials)} trials)"
+        rows = {name: [means[channel] for channel in names] for name, means in errors.means.items()}
+    else:
+        columns = [list(CHANNELS).index(name) for name in names]
+        rows = dict(zip(errors.trials, errors.errors[predictor][:, columns].tolist()))
+    header = ("trial" if predictor else "predictor", *(f"{name} {CHANNELS[name][0]}" for name in names))
+    table(title, header, [(name, *(f"{error:.3g}" for error in row)) for name, row in rows.items()])
