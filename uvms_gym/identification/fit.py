@@ -168,7 +168,7 @@ def fit(
     parameters = make_parameters(loaded, free, map_data, priors)
     chosen = counting(train, channels)
     problem = ReplayProblem(loaded, Replay(train), parameters, chosen)
-    solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "dynamics"), stoppable=True)
+    solution = minimise(problem, _stage(report, "dynamics"), stoppable=True)
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
     changed = load_scene(changed)
@@ -223,6 +223,6 @@ def _fit_balance(
     if not chosen:
         return everything.balance(scene) - everything.measured
     problem = ReplayProblem(scene, train, chosen, FLOATING[:2], static=True)
-    solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "balance"))
+    solution = minimise(problem, _stage(report, "balance"))
     changed, corrections = problem.changed(solution.common)
     return everything.balance(changed, corrections) - everything.measured_with(corrections)

@@ -16,23 +16,15 @@ PROBABILITY = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of p coordinates.
+    """Uncertainty of p coordinates."""
 
-    Attributes
-    ----------
-    covariance : numpy.ndarray (p, p)
-        Covariance, clustered by trial.
-    naive : numpy.ndarray (p,)
-        Standard deviations if every residual were independent.
-    prior : numpy.ndarray (p,)
-        Standard deviations of the priors.
-    quantile : float
-        Half-width of the 95 % interval in standard deviations.
-    """
-
+    #: (p, p) covariance, clustered by trial.
     covariance: Floats
+    #: (p,) standard deviations if every residual were independent.
     naive: Floats
+    #: (p,) standard deviations of the priors.
     prior: Floats
+    #: Half-width of the 95 % interval in standard deviations.
     quantile: float
 
     @property
@@ -66,14 +58,8 @@ def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     the jackknife over trials by one Newton step each (CR3), which is not too small for few trials either; priors count
     as one more observation each. Parameters at a bound stay there.
 
-    Parameters
-    ----------
-    solution : Solution
-        Minimum of N >= 2 trials.
-    prior : numpy.ndarray (p,)
-        Standard deviations of the priors.
-    share : float
-        Weight of a residual that the solution was found with.
+    `solution`: minimum of N >= 2 trials. `prior` (p,): standard deviations of the priors. `share`: weight of a residual
+    that the solution was found with.
     """
     with extra("cli"):
         from scipy.stats import t as student

@@ -19,30 +19,18 @@ ITERATIONS = 30
 class Problem(Protocol):
     """Residuals of trials: N trials, p common parameters, m parameters of every trial."""
 
-    @property
-    def deviations(self) -> Floats:
-        """(p,) standard deviations of the priors of the common parameters."""
-        ...
-
-    @property
-    def own_deviations(self) -> Floats:
-        """(m,) standard deviations of the priors of a trial's parameters."""
-        ...
-
-    @property
-    def bounds(self) -> tuple[Floats, Floats]:
-        """Minimum and maximum common parameters, each (p,)."""
-        ...
-
-    @property
-    def differences(self) -> Floats:
-        """(p,) steps of finite differences of the common parameters."""
-        ...
-
-    @property
-    def share(self) -> float:
-        """Weight of a residual: the share of independent ones."""
-        ...
+    #: (p,), (m,) standard deviations of the priors of common parameters, and of those of a trial.
+    deviations: Floats
+    own_deviations: Floats
+    #: (p,), (N, m) start, the mean of the priors.
+    origin: Floats
+    own_origin: Floats
+    #: Minimum and maximum common parameters, each (p,).
+    bounds: tuple[Floats, Floats]
+    #: (p,) steps of finite differences of the common parameters.
+    differences: Floats
+    #: Weight of a residual: the share of independent ones.
+    share: float
 
     def residuals(self, common: Floats, own: Floats) -> Floats:
         """(N, R) residuals in deviations of the noise at common (p,) and own (N, m) parameters; 0 where unknown."""
@@ -51,36 +39,24 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Minimum of a problem, and its derivatives with the parameters of single trials eliminated.
+    """Minimum of a problem, and its derivatives with the parameters of single trials eliminated."""
 
-    Attributes
-    ----------
-    common, own : numpy.ndarray (p,), (N, m)
-        Parameters.
-    cost : float
-        Cost, priors included.
-    iterations : int
-        Number of steps.
-    converged : bool
-        False after an interruption, or too many iterations.
-    interrupted : bool
-        True after an interruption.
-    information : numpy.ndarray (N, p, p)
-        Information of each trial about the common parameters.
-    scores : numpy.ndarray (N, p)
-        Gradient of each trial's cost.
-    at_bound : numpy.ndarray (p,)
-        True where a bound holds a parameter.
-    """
-
+    #: (p,), (N, m) parameters.
     common: Floats
     own: Floats
+    #: Cost, priors included.
     cost: float
+    #: Number of steps.
     iterations: int
+    #: False after an interruption, or too many iterations.
     converged: bool
+    #: True after an interruption.
     interrupted: bool
+    #: (N, p, p) information of each trial about the common parameters.
     information: Floats
+    #: (N, p) gradient of each trial's cost.
     scores: Floats
+    #: (p,) True where a bound holds a parameter.
     at_bound: Floats
 
 
@@ -94,35 +70,20 @@ class _Point:
     cost: float
 
 
-def minimise(
-    problem: Problem,
-    common: Floats,
-    own: Floats,
-    report: Callable[[int, float], None] | None = None,
-    stoppable: bool = False,
-) -> Solution:
-    """Minimise the robust cost from a start; the prior's mean is that start.
+def minimise(problem: Problem, report: Callable[[int, float], None] | None = None, stoppable: bool = False) -> Solution:
+    """Minimise the robust cost from the problem's start.
 
-    Parameters
-    ----------
-    problem : Problem
-        Residuals.
-    common, own : numpy.ndarray (p,), (N, m)
-        Start.
-    report : callable, optional
-        Called after every iteration with its number and the cost.
-    stoppable : bool
-        An interruption (KeyboardInterrupt) ends the iteration at the best parameters so far, and the solution says so.
+    `report`: called after every iteration with its number and the cost. `stoppable`: an interruption
+    (KeyboardInterrupt) ends the iteration at the best parameters so far, and the solution says so.
     """
-    origin = common.copy()
     low, high = problem.bounds
-    point = _evaluate(problem, common, own, origin)
+    point = _evaluate(problem, problem.origin, problem.own_origin)
     damping, iterations, converged, interrupted = 1e-3, 0, False, False
     model = _linearise(problem, point)
     try:
         while iterations < ITERATIONS and not converged:
-            step, own_step, held = _step(problem, point, model, origin, damping)
-            candidate = _evaluate(problem, np.clip(point.common + step, low, high), point.own + own_step, origin)
+            step, own_step = _step(problem, point, model, damping)
+            candidate = _evaluate(problem, np.clip(point.common + step, low, high), point.own + own_step)
             iterations += 1
             gain = point.cost - candidate.cost
             if gain > 0.0:
@@ -140,7 +101,7 @@ def minimise(
             raise
         converged, interrupted = False, True
     information, scores = _eliminated(problem, point, model)
-    held = _held(problem, point.common, scores.sum(axis=0) + (point.common - origin) / problem.deviations**2)
+    held = _held(problem, point.common, scores.sum(axis=0) + (point.common - problem.origin) / problem.deviations**2)
     return Solution(
         common=point.common,
         own=point.own,
@@ -165,12 +126,12 @@ class _Model:
     c: Floats
 
 
-def _evaluate(problem: Problem, common: Floats, own: Floats, origin: Floats) -> _Point:
+def _evaluate(problem: Problem, common: Floats, own: Floats) -> _Point:
     """Residuals and cost."""
     r = problem.residuals(common, own)
     scaled = (r / ROBUST) ** 2
     data = problem.share * ROBUST**2 * float(np.sum(np.sqrt(1.0 + scaled) - 1.0))
-    prior = 0.5 * float(np.sum(((common - origin) / problem.deviations) ** 2))
+    prior = 0.5 * float(np.sum(((common - problem.origin) / problem.deviations) ** 2))
     prior += 0.5 * float(np.sum((own / problem.own_deviations) ** 2))
     return _Point(common, own, r, data + prior)
 
@@ -216,14 +177,12 @@ def _held(problem: Problem, common: Floats, gradient: Floats) -> Floats:
     return np.asarray(((common <= low + width) & (gradient > 0.0)) | ((common >= high - width) & (gradient < 0.0)))
 
 
-def _step(
-    problem: Problem, point: _Point, model: _Model, origin: Floats, damping: float
-) -> tuple[Floats, Floats, Floats]:
+def _step(problem: Problem, point: _Point, model: _Model, damping: float) -> tuple[Floats, Floats]:
     """Damped step of common and own parameters; those at a bound that stops them stay."""
     information, gradients = _eliminated(problem, point, model)
     precision = problem.deviations**-2.0
     S = information.sum(axis=0) + np.diag(precision)
-    g = gradients.sum(axis=0) + precision * (point.common - origin)
+    g = gradients.sum(axis=0) + precision * (point.common - problem.origin)
     held = _held(problem, point.common, g)
     S = S + damping * np.diag(np.diag(S))
     free = np.flatnonzero(np.logical_not(held))
@@ -233,4 +192,4 @@ def _step(
     if model.c.shape[1]:
         right = model.c + np.einsum("npm,p->nm", model.B, step)
         own = -np.linalg.solve(model.C, right[..., None])[..., 0]
-    return step, own, held
+    return step, own

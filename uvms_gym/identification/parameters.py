@@ -39,26 +39,17 @@ _REACH = 4.0
 
 @dataclass(frozen=True)
 class Parameter:
-    """Free number of a scene or a map.
+    """Free number of a scene or a map."""
 
-    Attributes
-    ----------
-    key : str
-        Key, see `scene_keys`; those of the map begin with "map.".
-    start : float
-        Value of the scene or the map; 1 where the key stands for different numbers, which the parameter multiplies.
-    logarithmic : bool
-        True: positive; its coordinate is the logarithm.
-    deviation : float
-        Standard deviation of the prior, in the coordinate.
-    numbers : tuple of float
-        Numbers of the scene at the key's places.
-    """
-
+    #: Key, see `scene_keys`; those of the map begin with "map.".
     key: str
+    #: Value of the scene or the map; 1 where the key stands for different numbers, which the parameter multiplies.
     start: float
+    #: True for a positive number, whose coordinate is the logarithm.
     logarithmic: bool
+    #: Standard deviation of the prior, in the coordinate.
     deviation: float
+    #: Numbers of the scene at the key's places.
     numbers: tuple[float, ...] = ()
 
     @property
@@ -90,21 +81,9 @@ def make_parameters(
 ) -> list[Parameter]:
     """Parameters of keys.
 
-    Parameters
-    ----------
-    scene : dict
-        Complete scene.
-    free : sequence of str
-        Keys; `[a:b]` or a key of a list of numbers frees several.
-    map_data : mapping, optional
-        Data of the map that the logs were read with, for the start of its keys; default 0 and factors of 1.
-    priors : mapping of str to float, optional
-        Standard deviations of priors by key, relative for positive quantities.
-
-    Raises
-    ------
-    ValueError
-        The message names the key.
+    `free`: keys; `[a:b]` or a key of a list of numbers frees several. `map_data`: data of the map that the logs were
+    read with, for the start of its keys; default 0 and factors of 1. `priors`: standard deviations of priors by key,
+    relative for positive quantities.
     """
     given = dict(priors or {})
     found: dict[str, Parameter] = {}
@@ -166,16 +145,7 @@ def apply(
 ) -> tuple[dict[str, Any], Corrections]:
     """Scene and corrections of the logs at coordinates (p,).
 
-    Parameters
-    ----------
-    scene : dict
-        Complete scene; it is not changed.
-    parameters : sequence of Parameter
-        p parameters.
-    coordinates : numpy.ndarray (p,)
-        Their coordinates.
-    joints, thrusters : sequence of str
-        Names of the scene's joints and thrusters.
+    The given scene is not changed.
     """
     changed = copy.deepcopy(scene)
     zeros, scales, lags = np.zeros(len(joints)), np.ones(len(thrusters)), {}

@@ -43,20 +43,7 @@ _UNITS = np.array([factor for _, factor in CHANNELS.values()])
 class ReplayProblem:
     """Residuals of dynamics or, with `static`, of the attitude at which weight and buoyancy balance.
 
-    Parameters
-    ----------
-    scene : dict
-        Complete scene.
-    replay : Replay
-        Trials.
-    parameters : sequence of Parameter
-        Free numbers of scene and map.
-    channels : sequence of str
-        Channels that count.
-    static : bool
-        True: balance alone.
-    corrections : Corrections, optional
-        Corrections of the logs where no parameter changes them.
+    `corrections` are those of the logs where no parameter changes them.
     """
 
     def __init__(
@@ -80,38 +67,16 @@ class ReplayProblem:
         self.start = [] if static else [NAMES.index(name) for name in start]
         self.current = not static and {"velocity x", "velocity y"} <= set(start)
         self.share = replay.period / CORRELATION
-
-    @property
-    def deviations(self) -> Floats:
-        """(p,) standard deviations of the priors."""
-        return np.array([parameter.deviation for parameter in self.parameters])
-
-    @property
-    def differences(self) -> Floats:
-        """(p,) steps of finite differences: of lags as long as the parts of intervals that hold commands."""
-        lags = np.array([parameter.key.endswith(".time.lag") for parameter in self.parameters], dtype=np.bool_)
-        return np.asarray(self.deviations * np.where(lags, 0.1, 0.01))
-
-    @property
-    def own_deviations(self) -> Floats:
-        """(m,) standard deviations of the trials' own parameters."""
-        return np.array([_START[NAMES[k]] for k in self.start] + [_CURRENT] * (2 * self.current))
-
-    @property
-    def bounds(self) -> tuple[Floats, Floats]:
-        """Bounds of the parameters, each (p,)."""
-        low, high = np.array([parameter.bounds for parameter in self.parameters]).reshape(-1, 2).T
-        return low, high
-
-    @property
-    def origin(self) -> Floats:
-        """(p,) coordinates of the start."""
-        return np.array([parameter.origin for parameter in self.parameters])
-
-    @property
-    def own_origin(self) -> Floats:
-        """(N, m) start of the trials' own parameters."""
-        return np.zeros((len(self.replay.recordings), len(self.own_deviations)))
+        # Attributes of `least_squares.Problem`.
+        self.deviations = np.array([parameter.deviation for parameter in parameters])
+        # Lags move as far as the parts of intervals over which commands are constant.
+        lags = np.array([parameter.key.endswith(".time.lag") for parameter in parameters], dtype=np.bool_)
+        self.differences = np.asarray(self.deviations * np.where(lags, 0.1, 0.01))
+        self.own_deviations = np.array([_START[NAMES[k]] for k in self.start] + [_CURRENT] * (2 * self.current))
+        low, high = np.array([parameter.bounds for parameter in parameters]).reshape(-1, 2).T
+        self.bounds = (low, high)
+        self.origin = np.array([parameter.origin for parameter in parameters])
+        self.own_origin = np.zeros((len(replay.recordings), len(self.own_deviations)))
 
     def changed(self, common: Floats) -> tuple[dict[str, Any], Corrections]:
         """Scene and corrections at coordinates (p,)."""
@@ -150,20 +115,14 @@ def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corr
         [r.first(WINDOW) for r in replay.recordings], thrusters=replay.thrusters, prescribed=replay.prescribed
     )
     problem = ReplayProblem(scene, first, [], channels, corrections=corrections)
-    solution = minimise(problem, problem.origin, problem.own_origin)
+    solution = minimise(problem)
     return replay.run(scene, corrections, *problem.initial(solution.own))
 
 
 def counting(
     recordings: Sequence[Recording], given: Sequence[str] | None = None, thrusters: bool = True
 ) -> tuple[str, ...]:
-    """Channels that count: those given, or all that are measured with thrusters, and `FLOATING` without.
-
-    Raises
-    ------
-    ValueError
-        A channel without samples.
-    """
+    """Channels that count: those given, or all that are measured with thrusters, and `FLOATING` without."""
     known = np.any([np.isfinite(r.measured).any(axis=0) for r in recordings], axis=0)
     measured = [name for name, present in zip(NAMES, known) if present]
     if given is None:

@@ -129,13 +129,7 @@ def validate(
 
 
 def select(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Names that match patterns, such as "004-*".
-
-    Raises
-    ------
-    ValueError
-        A pattern matches no name.
-    """
+    """Names that match patterns, such as "004-*"."""
     found: list[str] = []
     for pattern in patterns:
         matching = fnmatch.filter(names, pattern)

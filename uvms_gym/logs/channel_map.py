@@ -26,36 +26,23 @@ GAP = 0.5
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a quantity.
+    """Columns of a quantity."""
 
-    Attributes
-    ----------
-    names : tuple of str or None
-        Names; None: the fields of a message.
-    factor : float
-        Factor to SI units.
-    order : {"wxyz", "xyzw", "rpy"} or None
-        Order of a quaternion, or roll, pitch, yaw.
-    """
-
+    #: Names; None: the fields of a message.
     names: tuple[str, ...] | None
+    #: Factor to SI units.
     factor: float = 1.0
+    #: Order of a quaternion, or roll, pitch, yaw.
     order: str | None = None
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Joint or thruster: value = factor * column - offset, in the scene's units.
+    """Joint or thruster: value = factor * column - offset, in the scene's units."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the scene.
-    column, velocity : str or None
-        Columns of value and velocity; a value without column is the constant -offset.
-    """
-
+    #: Name in the scene.
     name: str
+    #: Columns of value and velocity; a value without column is the constant -offset.
     column: str | None = None
     velocity: str | None = None
     factor: float = 0.0
@@ -64,52 +51,35 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelMap:
-    """Source of a channel and its conversion.
+    """Source of a channel and its conversion."""
 
-    Attributes
-    ----------
-    place : Keys
-        Table of the map, for errors.
-    file, topic : str or None
-        Name of the file, in which "{trial}" is replaced, or topic of a bag: one of them.
-    delimiter : str
-        Character between columns of a file.
-    time : str or None
-        Column of stamps; None: the stamps of a topic's messages.
-    stamp : {"header", "bag"} or None
-        Stamps of a topic's messages; None: those of the header where there is one.
-    time_factor : float
-        Factor of the stamps to seconds.
-    lag : float
-        Lateness of the stamps, s.
-    gap : float
-        Longest interval between samples that is interpolated, s.
-    jump : float
-        Maximum angle between the attitudes of neighbouring samples, rad.
-    repeat_period : float
-        Shortest interval between rows of equal values, s; 0: all rows remain.
-    world, body : tuple of float
-        Rotations from the source's axes to the library's, [w, x, y, z].
-    columns : dict of str to Columns
-        Columns of each quantity.
-    axes : tuple of Axis
-        Joints or thrusters.
-    """
-
+    #: Table of the map, for errors.
     place: Keys
+    #: Name of the file, in which "{trial}" is replaced, or topic of a bag: one of them.
     file: str | None
     topic: str | None
+    #: Character between columns of a file.
     delimiter: str
+    #: Column of stamps; None: the stamps of a topic's messages.
     time: str | None
+    #: Stamps of a topic's messages; None: those of the header where there is one.
     stamp: str | None
+    #: Factor of the stamps to seconds.
     time_factor: float
+    #: Lateness of the stamps, s.
     lag: float
+    #: Longest interval between samples that is interpolated, s.
     gap: float
+    #: Maximum angle between the attitudes of neighbouring samples, rad.
     jump: float
+    #: Shortest interval between rows of equal values, s; 0: all rows remain.
     repeat_period: float
+    #: Rotations from the source's axes to the library's, [w, x, y, z].
     world: tuple[float, ...]
     body: tuple[float, ...]
+    #: Columns of each quantity.
     columns: Mapping[str, Columns]
+    #: Joints or thrusters.
     axes: tuple[Axis, ...]
 
     @property
@@ -254,13 +224,7 @@ def _thruster(name: str, keys: Keys) -> Axis:
 
 
 def in_scene_order(kind: str, found: ChannelMap, names: Sequence[str]) -> tuple[Axis, ...]:
-    """Axes of a channel in the order of the scene's names.
-
-    Raises
-    ------
-    LogError
-        An axis that the scene lacks, or that the map lacks.
-    """
+    """Axes of a channel in the order of the scene's names."""
     axes = {axis.name: axis for axis in found.axes}
     for name in axes:
         if name not in names:

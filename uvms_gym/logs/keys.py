@@ -10,14 +10,7 @@ from uvms_gym.logs.errors import LogError
 class Keys:
     """Table of a TOML file, whose keys are read one by one; `finish` refuses those that nothing has asked for.
 
-    Parameters
-    ----------
-    data : mapping
-        The table.
-    file : str
-        Name of the file, for errors.
-    path : tuple of str
-        Keys that lead to the table.
+    `path`: keys that lead to the table.
     """
 
     def __init__(self, data: Mapping[str, Any], file: str, path: tuple[str, ...] = ()) -> None:

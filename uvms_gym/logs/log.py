@@ -18,7 +18,7 @@ from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
 from uvms_gym.logs.channel_map import ChannelMap, in_scene_order
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
-from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.map import TRIAL, Bound, LogMap
 from uvms_gym.logs.ros2 import read_bag
 from uvms_gym.logs.tables import Table, read_table
@@ -179,13 +179,7 @@ class Log:
 
 
 def trials(directory: Path, found: LogMap) -> list[str | None]:
-    """Names of the trials in a directory, sorted: all that a channel's file, or a bag, is named by.
-
-    Raises
-    ------
-    LogError
-        No such directory, or no such file.
-    """
+    """Names of the trials in a directory, sorted: all that a channel's file, or a bag, is named by."""
     if not directory.is_dir():
         raise LogError(f"{directory}: no such directory")
     names = set()
@@ -249,12 +243,8 @@ def _time_of(bound: Bound, default: float, directory: Path, trial: str | None, p
 
 def _value_of(path: Path, key: str) -> float:
     """Number of a key in a file of lines "key: value"."""
-    try:
+    with reading(path):
         text = read_text(path, encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise LogError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     lines = [line.partition("#")[0].partition(":") for line in text.splitlines()]
     values = {name.strip(): value.strip() for name, colon, value in lines if colon}
     if key not in values:

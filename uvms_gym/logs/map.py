@@ -9,7 +9,7 @@ from typing import Any
 
 from uvms_gym._files import read_text
 from uvms_gym.logs.channel_map import GAP, QUANTITIES, ChannelMap, channel_map
-from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.errors import reading
 from uvms_gym.logs.keys import Keys
 
 #: Place of the trial's name in names of files.
@@ -19,24 +19,16 @@ _AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Bound:
-    """Start or end of a trial: a time, a key of a file, or the first sample whose position passes a limit.
+    """Start or end of a trial: a time, a key of a file, or the first sample whose position passes a limit."""
 
-    Attributes
-    ----------
-    time : float or None
-        s on the log's clock.
-    file, key : str or None
-        File of lines "key: value", in whose name "{trial}" is replaced, and the key whose value is the time, s.
-    axis : int
-        Axis of the position, in the library's world axes.
-    above, below : float
-        Limits of the position, m.
-    """
-
+    #: Time on the log's clock, s.
     time: float | None = None
+    #: File of lines "key: value", in whose name "{trial}" is replaced, and the key whose value is the time, s.
     file: str | None = None
     key: str | None = None
+    #: Axis of the position, in the library's world axes.
     axis: int = 2
+    #: Limits of the position, m.
     above: float = math.inf
     below: float = -math.inf
 
@@ -82,13 +74,8 @@ class LogMap:
         """
         if isinstance(source, Mapping):
             return _log_map(source, "map")
-        name = os.fspath(source)
-        try:
-            return _log_map(tomllib.loads(read_text(name)), name)
-        except FileNotFoundError:
-            raise LogError(f"{name}: no such file") from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise LogError(f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        with reading(source):
+            return _log_map(tomllib.loads(read_text(source)), os.fspath(source))
 
     def of(self, trial: str | None) -> "LogMap":
         """Map of a trial: with the keys of its table in place of the general ones."""

@@ -90,22 +90,12 @@ class _Topic:
 def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]:
     """Read the topics of channels from a bag.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Directory of a ROS 2 bag (SQLite or MCAP), or file of a ROS 1 bag.
-    channels : dict of str to ChannelMap
-        Channels with a topic.
+    `path`: directory of a ROS 2 bag (SQLite or MCAP), or file of a ROS 1 bag.
 
     Returns
     -------
     dict of str to Table
         Table of every channel.
-
-    Raises
-    ------
-    LogError
-        The message names bag, topic and field; or the package `rosbags` is missing.
     """
     try:
         from rosbags.highlevel import AnyReader

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from uvms_gym._files import read_text
-from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.units import Floats
 
 #: Maximum size of a file, bytes.
@@ -17,36 +17,22 @@ _MOST = 2_000_000_000
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers of one source, in its own units and axes; finite.
+    """Numbers of one source, in its own units and axes; finite."""
 
-    Attributes
-    ----------
-    source : str
-        File or topic, for errors.
-    where : callable
-        Place of a row by its index, for errors.
-    time : numpy.ndarray (n,)
-        Stamps.
-    values : dict of str to numpy.ndarray (n, k)
-        Columns of each quantity.
-    """
-
+    #: File or topic, for errors.
     source: str
+    #: Place of a row by its index, for errors.
     where: Callable[[int], str]
+    #: (n,) stamps.
     time: Floats
+    #: (n, k) columns of each quantity.
     values: Mapping[str, Floats]
 
 
 def make_table(
     source: str, where: Callable[[int], str], columns: Mapping[str, Floats], time: str, names: Mapping[str, list[str]]
 ) -> Table:
-    """Table of columns by their names, once they are seen to be finite.
-
-    Raises
-    ------
-    LogError
-        No rows, or a number that is not finite.
-    """
+    """Table of columns by their names, once they are seen to be finite."""
     if len(columns[time]) == 0:
         raise LogError(f"{source}: no rows of numbers")
     for name, column in columns.items():
@@ -60,28 +46,10 @@ def make_table(
 def read_table(path: Path, delimiter: str, time: str, names: Mapping[str, list[str]]) -> Table:
     """Read columns of a text file, whose first line names them.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        File in UTF-8.
-    delimiter : str
-        Character between columns.
-    time : str
-        Column of stamps.
-    names : dict of str to list of str
-        Columns of each quantity.
-
-    Raises
-    ------
-    LogError
-        The message names file, line and column.
+    `delimiter`: character between columns. `names`: columns of each quantity.
     """
-    try:
+    with reading(path):
         text = read_text(path, _MOST, "utf-8-sig")
-    except FileNotFoundError:
-        raise LogError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     lines = text.split("\n")
     while lines and not lines[-1].strip():
         lines.pop()

@@ -29,13 +29,7 @@ _SCALED = {name: keys for name, keys in SCALED.items() if name not in ("current"
 
 @dataclass(frozen=True)
 class Conditions:
-    """Factor on a disturbance, speed of the steady current, m/s, and constant payload at the end effector, kg.
-
-    Raises
-    ------
-    ValueError
-        One is not between 0 and its maximum.
-    """
+    """Factor on a disturbance, speed of the steady current, m/s, and constant payload at the end effector, kg."""
 
     strength: float = 1.0
     current: float = 0.2
@@ -49,10 +43,7 @@ class Conditions:
     def disturbance(self, components: dict[str, Any]) -> dict[str, Any]:
         """Components of a disturbance under these conditions.
 
-        Parameters
-        ----------
-        components : dict
-            Components as the option `disturbance` takes them, without `base`.
+        `components`: components as the option `disturbance` takes them, without `base`.
         """
         changed = {name: dict(entry) if isinstance(entry, dict) else entry for name, entry in components.items()}
         for name, keys in _SCALED.items():
@@ -69,29 +60,19 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Frame:
-    """State to draw.
+    """State to draw."""
 
-    Attributes
-    ----------
-    poses : array (n + 2, 4, 4)
-        Poses of the moving bodies and of the end effector in the world.
-    aim : array (4, 4)
-        Pose that the vehicle, or with a path the end effector, is to have now.
-    path : array (k, 3)
-        Points of the end effector's reference, m; k is 0 without one.
-    thrust : array (m,)
-        Commanded thrusts, N.
-    current : array (3,)
-        Velocity of the water in the world, m/s.
-    payload : float
-        Mass at the end effector besides the scene's, kg.
-    """
-
+    #: (n + 2, 4, 4) poses of the moving bodies and of the end effector in the world.
     poses: Floats
+    #: (4, 4) pose that the vehicle, or with a path the end effector, is to have now.
     aim: Floats
+    #: (k, 3) points of the end effector's reference, m; k is 0 without one.
     path: Floats
+    #: (m,) commanded thrusts, N.
     thrust: Floats
+    #: (3,) velocity of the water in the world, m/s.
     current: Floats
+    #: Mass at the end effector besides the scene's, kg.
     payload: float
 
 
@@ -101,20 +82,8 @@ class LiveEpisode:
     A change of conditions or target begins a new episode of the same seed from the present state: draws of a
     disturbance belong to the start of an episode.
 
-    Parameters
-    ----------
-    env : TaskEnv
-        Environment; another with its options, under a disturbance, is made from it: the level named in them, or the
-        storm.
-    controller : str
-        Name of a controller: `FAMILY`, `FAMILY/SETTING`, `mlp:FILE` or `py:FILE:NAME`.
-    seed : int
-        Seed of the episode.
-
-    Raises
-    ------
-    ValueError
-        The controller is unknown or does not fit, or the seed is not between 0 and `MOST_SEED`.
+    `env` gives the options of an environment that is made under a disturbance: the level named in them, or the storm.
+    `controller` is FAMILY, FAMILY/SETTING, `mlp:FILE` or `py:FILE:NAME`. A ValueError refuses controller or seed.
     """
 
     def __init__(self, env: TaskEnv, controller: str, seed: int) -> None:
@@ -138,13 +107,7 @@ class LiveEpisode:
         self._memory: Any = None
 
     def reset(self, seed: int | None = None, target: Target | None = None) -> None:
-        """Begin anew from the start that the seed draws, with another target if one is given.
-
-        Raises
-        ------
-        ValueError
-            The seed or target is refused; the running episode continues.
-        """
+        """Begin anew from the start that the seed draws, with another target if one is given."""
         seed = self.seed if seed is None else seed
         if not 0 <= seed <= MOST_SEED:
             raise ValueError(f"seed is {seed}, but must be 0 to {MOST_SEED}")
@@ -152,13 +115,7 @@ class LiveEpisode:
         self.time = 0.0
 
     def change(self, target: Target | None = None, **conditions: float) -> None:
-        """Begin an episode under other conditions, or with another target, from the present state.
-
-        Raises
-        ------
-        ValueError
-            The change is refused; the running episode continues.
-        """
+        """Begin an episode under other conditions, or with another target, from the present state."""
         now = self.env.snapshot()
         start = {"position": now.position, "attitude": now.quaternion, "twist": now.twist, "q": now.q, "qd": now.qd}
         target = self.target if target is None else target

@@ -72,10 +72,7 @@ class Gate:
     that leads here its own host. Of messages those pass that the controls can send, with values of their types and
     options; ranges are checked by the episode, whose refusal gives the control its last value back.
 
-    Attributes
-    ----------
-    refused : callable
-        Called with a line, at most once a second, where a message is refused.
+    `refused`: called with a line, at most once a second, where a message is refused.
     """
 
     def __init__(self) -> None:
@@ -93,11 +90,6 @@ class Gate:
         """Start a viser server of this kind behind the gate.
 
         viser has no hook for this, so it is given another `serve` while it starts.
-
-        Raises
-        ------
-        RuntimeError
-            This viser starts its server otherwise.
         """
         calls: list[Any] = []
 

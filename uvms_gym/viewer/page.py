@@ -35,14 +35,8 @@ class Page:
 
     Callbacks of the server's threads put commands into a queue; the thread that steps the episode runs them.
 
-    Attributes
-    ----------
-    running : bool
-        False while paused.
-    speed : float
-        Simulated seconds per second.
-    stepped : bool
-        True once a single step was asked for.
+    `running`: False while paused. `speed`: simulated seconds per second. `stepped`: True once a single step was asked
+    for.
     """
 
     def __init__(

@@ -31,23 +31,8 @@ class _LocalServer(viser.ViserServer):  # type: ignore[misc,unused-ignore]
 class Viewer:
     """Browser view of one episode.
 
-    Parameters
-    ----------
-    episode : LiveEpisode
-        Episode to step and to show.
-    title : str
-        First line of the page.
-    port : int
-        Port of the server, 1 to 65535.
-    say : callable
-        Called with a line where a browser comes or goes.
-
-    Raises
-    ------
-    OSError
-        The port is taken or not allowed.
-    RuntimeError
-        This viser starts a server that cannot be checked.
+    `title`: first line of the page. `port`: port of the server, 1 to 65535. `say`: called with a line where a browser
+    comes or goes.
     """
 
     def __init__(

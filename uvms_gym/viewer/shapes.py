@@ -45,14 +45,7 @@ def vehicle_glb(scene: dict[str, Any]) -> bytes:
 def link_glbs(scene: dict[str, Any], poses: NDArray[np.float64], tip: NDArray[np.float64]) -> list[bytes]:
     """Links of the arm, each in the frame of its joint, as GLB files.
 
-    Parameters
-    ----------
-    scene : dict
-        Scene as `load_scene` gives it.
-    poses : array (n + 1, 4, 4)
-        Poses of the moving bodies at home.
-    tip : array (4, 4)
-        Pose of the end effector at home.
+    `poses` (n + 1, 4, 4): poses of the moving bodies at home. `tip` (4, 4): pose of the end effector at home.
     """
     arm = scene.get("arm")
     if arm is None:
