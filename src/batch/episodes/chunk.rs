@@ -19,20 +19,21 @@ pub(super) struct Rules {
     pub max_steps: Option<u32>,
 }
 
-/// Data common to all chunks.
-pub(super) struct ChunkContext<'a, T: Real, K: TaskDefinition> {
+/// Task, rules and base controller of a batch.
+#[derive(Clone, Copy)]
+pub(super) struct Context<'a> {
     pub task: &'a Task,
-    pub kernel: &'a TaskKernel<T, K>,
     pub rules: Rules,
     /// Base controller of residual actions.
     pub base: Option<&'a dyn Controller>,
-    /// A state that is cheap to step, for instances without an episode.
-    pub home: &'a State,
 }
 
 /// Instances of one thread: their physics, and the memory of their episodes.
 pub(super) struct Chunk<'a, 'p, T: Real, K: TaskDefinition> {
-    pub context: &'a ChunkContext<'a, T, K>,
+    pub context: Context<'a>,
+    pub kernel: &'a TaskKernel<T, K>,
+    /// A state that is cheap to step, for instances without an episode.
+    pub home: &'a State,
     pub part: &'a mut PhysicsChunk<'p, T>,
     pub slots: &'a mut [EpisodeSlot],
     /// Numbers of the episodes, block by block.
@@ -44,10 +45,10 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
     pub fn step(&mut self, actions: &[f32], out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
         for (k, _) in self.slots.iter().enumerate().filter(|(_, slot)| slot.over) {
             // Its last state may be expensive to step.
-            self.part.set_state(k, self.context.home);
+            self.part.set_state(k, self.home);
         }
         let base = self.base();
-        if let Some(disturbance) = self.context.kernel.disturbance() {
+        if let Some(disturbance) = self.kernel.disturbance() {
             self.advance_disturbances(disturbance);
         }
         let isa = self.part.isa;
@@ -75,7 +76,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
 
     /// Draws the disturbances of the coming control period and applies payload events, instance by instance.
     fn advance_disturbances(&mut self, disturbance: &DisturbanceKernel<T>) {
-        let size = self.context.kernel.rows().rows * T::BLOCK;
+        let size = self.kernel.rows().rows * T::BLOCK;
         for (k, slot) in self.slots.iter().enumerate().filter(|(_, slot)| !slot.over) {
             let block = &mut self.episodes[k / T::BLOCK * size..][..size];
             let mut memory = Column::of_block(block, k % T::BLOCK);
@@ -157,7 +158,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
 
     fn blocks(&mut self) -> Blocks<'_, T, K> {
         Blocks {
-            kernel: self.context.kernel,
+            kernel: self.kernel,
             layout: &self.part.table.layout,
             physics: &mut *self.part.rows,
             episodes: &mut *self.episodes,
@@ -171,7 +172,7 @@ pub(super) fn column<T: Real>(blocks: &[T], rows: usize, i: usize) -> Vec<f64> {
     (0..rows).map(|row| blocks[(block * rows + row) * T::BLOCK + lane].to_f64()).collect()
 }
 
-/// Sets the numbers of instance `i` in blocks of as many rows.
+/// Sets the numbers of instance `i` in blocks of as many rows as there are numbers.
 pub(super) fn set_column<T: Real>(blocks: &mut [T], i: usize, numbers: &[f64]) {
     let (block, lane) = (i / T::BLOCK, i % T::BLOCK);
     for (row, x) in numbers.iter().enumerate() {

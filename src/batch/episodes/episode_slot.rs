@@ -17,7 +17,7 @@ pub(super) struct EpisodeSlot {
 }
 
 impl EpisodeSlot {
-    /// Count of the numbers before those of the episode.
+    /// Count of the numbers before the episode's numbers.
     const HEAD: usize = 6;
 
     /// At the start of an episode.
@@ -46,18 +46,18 @@ impl EpisodeSlot {
     /// Slot and episode of [`Self::to_numbers`].
     pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<(Self, Episode), TaskError> {
         let (head, episode) = numbers.split_at(Self::HEAD);
-        let whole = |k: usize| {
+        let integer = |k: usize| {
             let n = head[k] as u32;
             if f64::from(n) == head[k] { Ok(n) } else { Err(TaskError::Saved(format!("{} is not a count", head[k]))) }
         };
-        let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(k)?) | u64::from(whole(k + 1)?) << 32);
+        let join = |k: usize| Ok::<u64, TaskError>(u64::from(integer(k)?) | u64::from(integer(k + 1)?) << 32);
         let episode = Episode::from_numbers(rows, episode)?;
         let slot = Self {
             next: EpisodeKey { seed: join(0)?, episode: join(2)? },
             key: episode.key(),
             step: episode.step(),
-            over: whole(4)? != 0,
-            begun: whole(5)? != 0,
+            over: integer(4)? != 0,
+            begun: integer(5)? != 0,
         };
         Ok((slot, episode))
     }

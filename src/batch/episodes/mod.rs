@@ -2,6 +2,7 @@
 
 mod autoreset;
 mod chunk;
+mod closed_loop;
 mod episode_slot;
 mod kernels;
 mod outputs;
@@ -24,12 +25,13 @@ use crate::lane::Real;
 use crate::task::disturbance::Profile;
 use crate::task::{Episode, EpisodeKey, Pose, SceneDraws, StartOverride, Task, TaskOptions, dispatch_task, privileged};
 pub use autoreset::Autoreset;
-use chunk::Rules;
+use chunk::{Context, Rules};
+use closed_loop::LoopPart;
 use episode_slot::EpisodeSlot;
 pub use outputs::{Final, Outputs, StepResult, Transition};
 pub use recording::{Recorder, Recording, Teacher};
 pub use rollout::{Rollout, RolloutStats, Trace};
-use storage::{RecordArgs, RolloutArgs, StepArgs, TaskBlocks, TaskStorage};
+use storage::{TaskBlocks, TaskStorage};
 
 /// Result of a reset.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,8 +51,8 @@ pub struct Saved {
     pub episodes: Vec<f64>,
 }
 
-/// Instances of a task, stepped together. Each instance's results depend on the scene, the options, its seed and its actions
-/// alone: not on the number of instances or threads, nor on other instances.
+/// Instances of a task, stepped together. Each instance's results depend only on the scene, the options, its seed and its
+/// actions, not on the number of instances or threads, nor on other instances.
 pub struct TaskBatch {
     task: Task,
     /// Base controller of residual actions.
@@ -76,7 +78,7 @@ impl Clone for TaskBatch {
 
 impl TaskBatch {
     /// A batch that waits for its first [`Self::reset`]. Instance `i` has the seed `i` until it is given another. The
-    /// step is that of `options`; `simulator.dt` has no influence. Episodes are truncated after `max_steps`, if given.
+    /// step size is `options.dt`; `simulator.dt` has no influence. Episodes are truncated after `max_steps`, if given.
     ///
     /// # Errors
     /// `TaskError` where the task or the simulator cannot be.
@@ -163,7 +165,7 @@ impl TaskBatch {
     }
 
     /// Observations of all instances, (N, d), of the true, present state: sensors without noise and delay. The integral of
-    /// errors is that of the measured ones.
+    /// errors sums measured errors.
     ///
     /// # Errors
     /// [`TaskError::NotBegun`] before the first reset.
@@ -179,7 +181,7 @@ impl TaskBatch {
 
     /// Starts the next episode of each instance in `mask` (of all without a mask).
     ///
-    /// With a seed its episode 0 starts; without one the next episode of the instance's stream. `given` holds the given parts
+    /// With a seed its episode 0 starts; without one the next episode of the instance's stream. `given` has the given parts
     /// of the starts: no entry, or one per instance.
     ///
     /// # Errors
@@ -252,8 +254,8 @@ impl TaskBatch {
                 return Err(TaskError::Over { instance });
             }
         }
-        let args = StepArgs { task: &self.task, rules: self.rules, base: self.base.as_deref(), actions };
-        Ok(self.storage.step(&mut self.simulator, &mut self.slots, &args, out))
+        let context = Context { task: &self.task, rules: self.rules, base: self.base.as_deref() };
+        Ok(self.storage.step(&mut self.simulator, &mut self.slots, context, actions, out))
     }
 
     /// `steps` control periods of all instances under a controller, from their current states: bit for bit the numbers of as
@@ -271,9 +273,7 @@ impl TaskBatch {
             }
         }
         self.check_begun()?;
-        let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let args = RolloutArgs { task: &self.task, rules, base: self.base.as_deref(), controller, steps };
-        Ok(self.storage.run(&mut self.simulator, &mut self.slots, &args, rollout)?)
+        self.close_loop(steps as usize, rollout.parts(controller))
     }
 
     /// Control periods of all instances under a network with noise on its actions, recorded, from their current states: as
@@ -297,9 +297,16 @@ impl TaskBatch {
             return Err(TaskError::Action { instance, index, value: noise[at] });
         }
         self.check_begun()?;
+        let mut recording = Recording::blank(&recorder, n);
+        self.close_loop(recording.rewards.len() / n, recording.parts(recorder, n))?;
+        Ok(recording)
+    }
+
+    /// Runs a closed loop; ended episodes stay as they are.
+    fn close_loop(&mut self, steps: usize, parts: Vec<Box<dyn LoopPart + '_>>) -> Result<(), TaskError> {
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let args = RecordArgs { task: &self.task, rules, base: self.base.as_deref(), recorder };
-        Ok(self.storage.record(&mut self.simulator, &mut self.slots, &args)?)
+        let context = Context { task: &self.task, rules, base: self.base.as_deref() };
+        Ok(self.storage.run(&mut self.simulator, &mut self.slots, context, steps, parts)?)
     }
 
     /// Refuses a controller for other observations or actions.

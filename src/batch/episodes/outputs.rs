@@ -61,7 +61,7 @@ impl<'a> Outputs<'a> {
         self.info.iter().map(|row| &**row).filter(|row| !row.is_empty())
     }
 
-    /// Refuses lengths that are not those of `n` instances with `width` entries of an observation and `metrics` metrics.
+    /// Refuses lengths that do not fit `n` instances with `width` entries of an observation and `metrics` metrics.
     pub(super) fn check(&self, n: usize, width: usize, metrics: usize) -> Result<(), ControlError> {
         let expected = |k: usize| if k < metrics { n } else { 0 };
         let rows = self.info.iter().enumerate().map(|(k, row)| ("metrics", row.len(), expected(k)));

@@ -1,13 +1,12 @@
 //! Recordings for training: episodes under a network whose actions have noise, with perfect observations and, if asked
 //! for, a teacher's actions on these.
 
-use super::chunk::Chunk;
-use super::outputs::{Transition, split};
+use super::closed_loop::LoopPart;
+use super::outputs::{Outputs, split};
+use crate::batch::stepping::chunk::CHUNK;
 use crate::control::{Controller, Mlp};
 use crate::error::ControlError;
-use crate::lane::Real;
 use crate::limits::interrupt;
-use crate::task::{TaskDefinition, TaskKernel};
 
 /// Controller on perfect observations, whose actions are recorded.
 #[derive(Clone, Copy)]
@@ -49,7 +48,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Memory for `n` instances and as many periods as there is noise for.
+    /// Memory for `n` instances; the noise determines the number of periods.
     pub(super) fn blank(recorder: &Recorder<'_>, n: usize) -> Self {
         let widths = recorder.actor.widths();
         let (rows, d) = (recorder.noise.len() / widths.action, widths.observation);
@@ -64,28 +63,34 @@ impl Recording {
         }
     }
 
-    /// Parts of `count` instances; the last may have fewer.
-    pub(super) fn chunks<'a>(&'a mut self, recorder: Recorder<'a>, n: usize, count: usize) -> Vec<RecordingChunk<'a>> {
+    /// Parts of chunks of the `n` instances.
+    pub(super) fn parts<'a>(&'a mut self, recorder: Recorder<'a>, n: usize) -> Vec<Box<dyn LoopPart + 'a>> {
         let steps = self.rewards.len() / n;
         let widths = recorder.actor.widths();
-        let (a, d) = (widths.action, widths.observation);
+        let (a, d, before) = (widths.action, widths.observation, before(recorder.actor));
         let mut observations = &mut self.observations[..];
         let (mut perfect, mut actions) = (&mut self.perfect[..], &mut self.actions[..]);
         let (mut rewards, mut alive) = (&mut self.rewards[..], &mut self.alive[..]);
         let (mut terminated, mut targets) = (&mut self.terminated[..], &mut self.targets[..]);
-        let sizes = (0..n).step_by(count).map(|first| count.min(n - first));
-        let chunk = |m: usize| RecordingChunk {
-            recorder,
-            steps,
-            observations: split(&mut observations, m * (before(recorder.actor) + steps) * d),
-            perfect: split(&mut perfect, m * (steps + 1) * d),
-            actions: split(&mut actions, m * steps * a),
-            rewards: split(&mut rewards, m * steps),
-            alive: split(&mut alive, m * steps),
-            terminated: split(&mut terminated, m * steps),
-            targets: split(&mut targets, if recorder.teacher.is_some() { m * steps * a } else { 0 }),
+        let sizes = (0..n).step_by(CHUNK).map(|first| CHUNK.min(n - first));
+        let part = |m: usize| {
+            let memory = recorder.teacher.map_or(0, |teacher| teacher.controller.widths().memory);
+            Box::new(RecordingChunk {
+                recorder,
+                steps,
+                observations: split(&mut observations, m * (before + steps) * d),
+                perfect: split(&mut perfect, m * (steps + 1) * d),
+                actions: split(&mut actions, m * steps * a),
+                rewards: split(&mut rewards, m * steps),
+                alive: split(&mut alive, m * steps),
+                terminated: split(&mut terminated, m * steps),
+                targets: split(&mut targets, if recorder.teacher.is_some() { m * steps * a } else { 0 }),
+                now: vec![0.0; m * d],
+                inputs: vec![0.0; m * (before + 1) * d],
+                memory: vec![0.0; m * memory],
+            }) as Box<dyn LoopPart>
         };
-        sizes.map(chunk).collect()
+        sizes.map(part).collect()
     }
 }
 
@@ -95,7 +100,7 @@ fn before(actor: &Mlp) -> usize {
 }
 
 /// Part of a recording for one chunk.
-pub(super) struct RecordingChunk<'a> {
+struct RecordingChunk<'a> {
     recorder: Recorder<'a>,
     steps: usize,
     observations: &'a mut [f32],
@@ -106,62 +111,66 @@ pub(super) struct RecordingChunk<'a> {
     alive: &'a mut [bool],
     terminated: &'a mut [bool],
     targets: &'a mut [f32],
+    /// Perfect observations of the present control instant.
+    now: Vec<f32>,
+    /// Stacked observations of the actor.
+    inputs: Vec<f32>,
+    /// Memory of the teacher.
+    memory: Vec<f64>,
 }
 
-impl RecordingChunk<'_> {
-    /// Runs the instances of a chunk, whose rules have no autoreset: ended episodes stay as they are.
-    pub fn run<T: Real, K: TaskDefinition>(&mut self, chunk: &mut Chunk<'_, '_, T, K>) -> Result<(), ControlError> {
+impl LoopPart for RecordingChunk<'_> {
+    fn act(
+        &mut self,
+        t: usize,
+        running: &[bool],
+        observations: &[f32],
+        perfect: &mut dyn FnMut(&mut [f32]),
+        actions: &mut [f32],
+    ) -> Result<bool, ControlError> {
+        if interrupt::requested() {
+            return Ok(false);
+        }
         let Recorder { actor, teacher, .. } = self.recorder;
-        let (n, steps, before, widths) = (chunk.slots.len(), self.steps, before(actor), actor.widths());
+        let (steps, before, widths) = (self.steps, before(actor), actor.widths());
         let (a, d) = (widths.action, widths.observation);
-        let mut transition = Transition::blank(n, d, TaskKernel::<T, K>::metrics());
-        let mut perfect = vec![0.0; n * d];
-        let mut inputs = vec![0.0; n * (before + 1) * d];
-        let mut actions = vec![0.0; n * a];
-        let mut targets = actions.clone();
-        let mut memory = vec![0.0; n * teacher.map_or(0, |teacher| teacher.controller.widths().memory)];
-        chunk.observe(&vec![true; n], &mut transition.outputs());
-        for t in 0..steps {
-            if interrupt::requested() {
-                break;
+        perfect(&mut self.now);
+        put(&self.now, self.perfect, d, [t, steps + 1]);
+        put(observations, self.observations, d, [before + t, before + steps]);
+        if let Some(Teacher { controller, .. }) = teacher {
+            controller.act(&self.now, &mut self.memory, actions)?;
+            put(actions, self.targets, a, [t, steps]);
+        }
+        if !teacher.is_some_and(|teacher| teacher.acts) {
+            let stacks = self.observations.chunks_exact((before + steps) * d);
+            for (input, rows) in self.inputs.chunks_exact_mut((before + 1) * d).zip(stacks) {
+                input.copy_from_slice(&rows[t * d..][..(before + 1) * d]);
             }
-            chunk.observe_perfect(&mut perfect);
-            put(&perfect, self.perfect, d, [t, steps + 1]);
-            put(&transition.observations, self.observations, d, [before + t, before + steps]);
-            if let Some(Teacher { controller, .. }) = teacher {
-                controller.act(&perfect, &mut memory, &mut targets)?;
-                put(&targets, self.targets, a, [t, steps]);
-            }
-            if teacher.is_some_and(|teacher| teacher.acts) {
-                actions.copy_from_slice(&targets);
-            } else {
-                let stacks = self.observations.chunks_exact((before + steps) * d);
-                for (input, rows) in inputs.chunks_exact_mut((before + 1) * d).zip(stacks) {
-                    input.copy_from_slice(&rows[t * d..][..(before + 1) * d]);
-                }
-                actor.mean(&inputs, &mut actions);
-            }
-            for (k, row) in actions.chunks_exact_mut(a).enumerate() {
-                let kept = &mut self.actions[(k * steps + t) * a..][..a];
-                for (action, kept) in row.iter_mut().zip(kept) {
-                    *action += *kept;
-                    *kept = *action;
-                }
-            }
-            for (k, slot) in chunk.slots.iter().enumerate() {
-                self.alive[k * steps + t] = !slot.over;
-            }
-            let mut out = transition.outputs();
-            chunk.step(&actions, &mut out, &mut Vec::new());
-            for k in 0..n {
-                let at = k * steps + t;
-                self.rewards[at] = out.rewards[k] as f32;
-                self.terminated[at] = self.alive[at] && out.terminated[k];
+            actor.mean(&self.inputs, actions);
+        }
+        for (k, row) in actions.chunks_exact_mut(a).enumerate() {
+            for (action, noise) in row.iter_mut().zip(&mut self.actions[(k * steps + t) * a..][..a]) {
+                *action += *noise;
+                *noise = *action;
             }
         }
-        chunk.observe_perfect(&mut perfect);
-        put(&perfect, self.perfect, d, [steps, steps + 1]);
-        Ok(())
+        for (k, running) in running.iter().enumerate() {
+            self.alive[k * steps + t] = *running;
+        }
+        Ok(true)
+    }
+
+    fn record(&mut self, t: usize, running: &[bool], out: &Outputs<'_>) {
+        for k in 0..running.len() {
+            let at = k * self.steps + t;
+            self.rewards[at] = out.rewards[k] as f32;
+            self.terminated[at] = running[k] && out.terminated[k];
+        }
+    }
+
+    fn end(&mut self, perfect: &mut dyn FnMut(&mut [f32])) {
+        perfect(&mut self.now);
+        put(&self.now, self.perfect, self.recorder.actor.widths().observation, [self.steps, self.steps + 1]);
     }
 }
 

@@ -1,12 +1,12 @@
-//! Rollouts: episodes under a controller, for many control periods on one thread at a time.
+//! Rollouts: episodes under a controller, with statistics and records.
 
-use super::chunk::Chunk;
-use super::outputs::{Outputs, Transition};
+use super::closed_loop::LoopPart;
+use super::outputs::{Outputs, split};
+use crate::batch::stepping::chunk::CHUNK;
 use crate::control::Controller;
 use crate::error::ControlError;
-use crate::lane::Real;
 use crate::limits::interrupt;
-use crate::task::{INFO, TaskDefinition, TaskKernel};
+use crate::task::INFO;
 
 /// Statistics of an instance's control periods up to its episode's end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,6 +89,19 @@ impl Rollout {
         &self.traces
     }
 
+    /// Parts of chunks under a controller.
+    pub(super) fn parts<'a>(&'a mut self, controller: &'a dyn Controller) -> Vec<Box<dyn LoopPart + 'a>> {
+        let (mut traces, mut memory) = (&mut self.traces[..], &mut self.memory[..]);
+        let chunks = self.stats.chunks_mut(CHUNK).enumerate();
+        let part = |(k, stats): (usize, &'a mut [RolloutStats])| {
+            let count = traces.partition_point(|trace| trace.instance < (k + 1) * CHUNK);
+            let memory = split(&mut memory, stats.len() * controller.widths().memory);
+            let traces = split(&mut traces, count);
+            Box::new(RolloutChunk { controller, first: k * CHUNK, memory, stats, traces }) as Box<dyn LoopPart>
+        };
+        chunks.map(part).collect()
+    }
+
     /// Returns the statistics so far and clears them; the controller's memory stays.
     pub fn pop_stats(&mut self) -> Vec<RolloutStats> {
         let blank = vec![RolloutStats::default(); self.stats.len()];
@@ -97,51 +110,49 @@ impl Rollout {
 }
 
 /// Part of a rollout for one chunk.
-pub(super) struct RolloutChunk<'a> {
-    pub controller: &'a dyn Controller,
-    pub steps: u32,
-    pub memory: &'a mut [f64],
-    pub stats: &'a mut [RolloutStats],
-    pub traces: &'a mut [Trace],
+struct RolloutChunk<'a> {
+    controller: &'a dyn Controller,
+    /// First instance.
+    first: usize,
+    memory: &'a mut [f64],
+    stats: &'a mut [RolloutStats],
+    traces: &'a mut [Trace],
 }
 
-impl RolloutChunk<'_> {
-    /// Runs the instances of a chunk, whose rules have no autoreset: ended episodes stay as they are.
-    pub fn run<T: Real, K: TaskDefinition>(&mut self, chunk: &mut Chunk<'_, '_, T, K>) -> Result<(), ControlError> {
-        let (n, first) = (chunk.slots.len(), chunk.part.first);
-        let widths = self.controller.widths();
-        let mut transition = Transition::blank(n, widths.observation, TaskKernel::<T, K>::metrics());
-        let mut actions = vec![0.0; n * widths.action];
-        let mut runs = vec![false; n];
-        chunk.observe(&vec![true; n], &mut transition.outputs());
-        for _ in 0..self.steps {
-            for (runs, slot) in runs.iter_mut().zip(&*chunk.slots) {
-                *runs = !slot.over;
-            }
-            if !runs.contains(&true) {
-                break;
-            }
-            self.controller.act(&transition.observations, self.memory, &mut actions)?;
-            if interrupt::requested() {
-                break;
-            }
-            for trace in self.traces.iter_mut().filter(|trace| runs[trace.instance - first]) {
-                let k = trace.instance - first;
-                trace.observations.extend(&transition.observations[k * widths.observation..][..widths.observation]);
-                trace.actions.extend(&actions[k * widths.action..][..widths.action]);
-            }
-            let mut out = transition.outputs();
-            chunk.step(&actions, &mut out, &mut Vec::new());
-            for (k, stats) in self.stats.iter_mut().enumerate().filter(|(k, _)| runs[*k]) {
-                stats.add(k, &out);
-            }
-            for trace in self.traces.iter_mut().filter(|trace| runs[trace.instance - first]) {
-                let k = trace.instance - first;
-                trace.rewards.push(out.rewards[k]);
-                trace.info.extend(out.metrics().map(|row| row[k]));
-            }
+impl LoopPart for RolloutChunk<'_> {
+    fn act(
+        &mut self,
+        _t: usize,
+        running: &[bool],
+        observations: &[f32],
+        _perfect: &mut dyn FnMut(&mut [f32]),
+        actions: &mut [f32],
+    ) -> Result<bool, ControlError> {
+        if !running.contains(&true) {
+            return Ok(false);
         }
-        Ok(())
+        self.controller.act(observations, self.memory, actions)?;
+        if interrupt::requested() {
+            return Ok(false);
+        }
+        let widths = self.controller.widths();
+        for trace in self.traces.iter_mut().filter(|trace| running[trace.instance - self.first]) {
+            let k = trace.instance - self.first;
+            trace.observations.extend(&observations[k * widths.observation..][..widths.observation]);
+            trace.actions.extend(&actions[k * widths.action..][..widths.action]);
+        }
+        Ok(true)
+    }
+
+    fn record(&mut self, _t: usize, running: &[bool], out: &Outputs<'_>) {
+        for (k, stats) in self.stats.iter_mut().enumerate().filter(|(k, _)| running[*k]) {
+            stats.add(k, out);
+        }
+        for trace in self.traces.iter_mut().filter(|trace| running[trace.instance - self.first]) {
+            let k = trace.instance - self.first;
+            trace.rewards.push(out.rewards[k]);
+            trace.info.extend(out.metrics().map(|row| row[k]));
+        }
     }
 }
 
@@ -158,12 +169,4 @@ impl RolloutStats {
             self.last[entry] = row[k];
         }
     }
-}
-
-/// Takes from `rest` the records of instances before `end`.
-pub(super) fn take_before<'a>(rest: &mut &'a mut [Trace], end: usize) -> &'a mut [Trace] {
-    let count = rest.partition_point(|trace| trace.instance < end);
-    let (front, back) = std::mem::take(rest).split_at_mut(count);
-    *rest = back;
-    front
 }
