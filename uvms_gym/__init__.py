@@ -54,6 +54,7 @@ from uvms_gym.controllers import (
 from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
+from uvms_gym.inputs import StepInputs
 from uvms_gym.logs import Log, LogError, LogMap
 from uvms_gym.planning import Trajectory, optimize_trajectory
 from uvms_gym.robots import import_urdf
@@ -83,6 +84,7 @@ __all__ = [
     "SceneError",
     "Simulator",
     "StateWarning",
+    "StepInputs",
     "StepWarning",
     "Trajectory",
     "__version__",

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import Any, ClassVar, Final, TypeAlias, TypedDict, final
+from typing import Any, ClassVar, Final, TypeAlias, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
+
+from uvms_gym.inputs import StepInputs
 
 __all__ = [
     "ATTITUDE_LEVER",
@@ -266,34 +268,9 @@ class Simulator:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
         """Put all instances at the scene's home, at rest at time 0."""
-    def step(
-        self,
-        *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
-        substeps: int = 1,
-    ) -> None:
-        """Step all instances under held inputs, one row for all or one per instance (leading N).
-
-        thrust (m,), wrench (6,), joint_torque (n,), joint_target (n,) or polynomials (N, n, k <= 4), external
-        (n + 1, 6), pose_target (position (3,), rotation (3, 3)) or pose (4, 4), fin (k,).
-        """
-    def forward_dynamics(
-        self,
-        *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
-    ) -> _Floats:
+    def step(self, *, substeps: int = 1, **inputs: Unpack[StepInputs]) -> None:
+        """Step all instances under inputs held constant over the call."""
+    def forward_dynamics(self, **inputs: Unpack[StepInputs]) -> _Floats:
         """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
     def mass_matrix(self) -> _Floats:
         """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
@@ -309,41 +286,13 @@ class Simulator:
         """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
     def torque_influence(self) -> _Floats:
         """(N, 6 + n, n) L. [HC eq. 13]"""
-    def body_wrenches(
-        self,
-        *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
-    ) -> dict[str, _Floats]:
+    def body_wrenches(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N, n + 1, 6) each: damping, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
-    def joint_torques(
-        self,
-        *,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
-    ) -> dict[str, _Floats]:
+    def joint_torques(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N, n) each: command, friction, end_stop, sum; N m or N."""
     def energy(self) -> dict[str, _Floats]:
         """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""
-    def power(
-        self,
-        *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
-    ) -> dict[str, _Floats]:
+    def power(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N,) each: damping, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
     def momentum(self) -> _Floats:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
@@ -372,45 +321,27 @@ class Simulator:
     def step_jacobians(
         self,
         *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
         substeps: int = 1,
         parameters: Sequence[str] = (),
+        **inputs: Unpack[StepInputs],
     ) -> dict[str, _Floats]:
         """Derivatives of the step, (N, s, w) each: "state", each input given, "parameters"; docs/gradients.md."""
     def step_jvp(
         self,
         tangents: Mapping[str, ArrayLike],
         *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
         substeps: int = 1,
         parameters: Sequence[str] = (),
+        **inputs: Unpack[StepInputs],
     ) -> _Floats:
         """(N, s) Jacobians of `step_jacobians` times tangents (w,) or (N, w) by its keys; absent ones are 0."""
     def step_vjp(
         self,
         cotangents: ArrayLike,
         *,
-        thrust: _Rows = None,
-        wrench: _Rows = None,
-        joint_torque: _Rows = None,
-        joint_target: _Rows = None,
-        external: _Rows = None,
-        pose_target: _Pose = None,
-        fin: _Rows = None,
         substeps: int = 1,
         parameters: Sequence[str] = (),
+        **inputs: Unpack[StepInputs],
     ) -> dict[str, _Floats]:
         """(N, w) each: cotangents (s,) or (N, s) of the next state times `step_jacobians`, by its keys."""
     @property

@@ -1,4 +1,4 @@
-//! Array arguments in, fresh arrays out.
+//! Arguments in, fresh arrays out.
 
 use numpy::ndarray::{Array2, ArrayD, Dimension, IxDyn};
 use numpy::{
@@ -127,4 +127,18 @@ pub fn count(name: &str, given: &Bound<'_, PyAny>) -> PyResult<usize> {
         }
         Err(_) => Err(PyTypeError::new_err(format!("{name} must be an int, not {}", given.get_type().name()?))),
     }
+}
+
+/// The value that `name` stands for.
+pub fn one_of<T, const K: usize>(argument: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
+    let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
+    let found = choices.into_iter().find(|(choice, _)| *choice == name);
+    found
+        .map(|(_, value)| value)
+        .ok_or_else(|| PyValueError::new_err(format!("{argument} is '{name}', but must be one of {known}")))
+}
+
+/// The name of `value`.
+pub fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> &'static str {
+    choices.into_iter().find(|(_, choice)| *choice == value).expect("every value has a name").0
 }

@@ -8,8 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::arrays::{Rows, copied, matrix};
-use super::choices::{name_of, one_of};
+use super::arrays::{Rows, copied, matrix, name_of, one_of};
 use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::task::Task;

@@ -1,4 +1,4 @@
-//! `uvms_gym.Simulator`: derivatives of steps.
+//! `uvms_gym.Simulator`: linearization, and derivatives of steps.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -7,13 +7,13 @@ use pyo3::types::PyDict;
 use super::arrays::{Array, Given, array, count, rows};
 use super::computation::{exclusive, interruptible};
 use super::errors::OrRaise;
-use super::inputs::{InputArguments, InputArrays};
+use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use uvms_gym::batch::{Argument, parameter};
 
 /// Inputs, number of steps and parameters of a call.
 struct Call {
-    arrays: InputArrays,
+    given: StepInputs,
     substeps: usize,
     parameters: Vec<usize>,
 }
@@ -21,18 +21,18 @@ struct Call {
 impl Call {
     fn read(
         simulator: &Simulator,
-        inputs: &InputArguments,
+        inputs: Option<Keywords>,
         substeps: Given,
         parameters: Option<Vec<String>>,
     ) -> PyResult<Self> {
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
         let parameters = parameters.unwrap_or_default();
         let parameters = parameters.iter().map(|name| parameter(name)).collect::<Result<_, _>>().or_raise()?;
-        Ok(Self { arrays: inputs.read(&simulator.inner)?, substeps, parameters })
+        Ok(Self { given: StepInputs::read(&simulator.inner, inputs)?, substeps, parameters })
     }
 
     fn arguments(&self, simulator: &Simulator) -> Vec<(Argument, usize)> {
-        simulator.inner.arguments(&self.arrays.inputs(), self.parameters.len())
+        simulator.inner.arguments(&self.given.inputs(), self.parameters.len())
     }
 
     /// Arrays by arguments, (N, w), or (N, size, w) of Jacobians, of the numbers of all arguments.
@@ -79,13 +79,14 @@ impl Simulator {
     ///
     /// Parameters
     /// ----------
-    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin
-    ///     Inputs, as in `step`. The steps are differentiated with respect to each that is given.
     /// substeps : int
     ///     Number of steps of `dt`.
     /// parameters : sequence of str
     ///     Names of factors (see `scale_parameters`): "mass", "added_mass", "linear_damping", "quadratic_damping", "volume",
     ///     "payload" (per kg), "thrust", "thruster_lag".
+    /// **inputs : StepInputs
+    ///     Inputs, as in `step`: thrust, wrench, joint_torque, joint_target, external, pose_target, fin. The steps are
+    ///     differentiated with respect to each input that is given.
     ///
     /// Returns
     /// -------
@@ -102,30 +103,19 @@ impl Simulator {
     /// MemoryError
     ///     The result does not fit into memory.
     #[pyo3(
-        signature = (
-            *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None,
-            substeps=None, parameters=None
-        ),
-        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+        signature = (*, substeps=None, parameters=None, **inputs),
+        text_signature = "($self, *, substeps=1, parameters=(), **inputs)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_jacobians<'py>(
         slf: &Bound<'py, Self>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
         substeps: Given,
         parameters: Option<Vec<String>>,
+        inputs: Option<Keywords>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
-        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let call = Call::read(this, inputs, substeps, parameters)?;
         let inner = &mut this.inner;
-        let run = || inner.step_jacobians(&call.arrays.inputs(), call.substeps, &call.parameters);
+        let run = || inner.step_jacobians(&call.given.inputs(), call.substeps, &call.parameters);
         let jacobians = interruptible(py, run)?.or_raise()?;
         call.dict(py, this, jacobians.size, &jacobians.numbers)
     }
@@ -136,7 +126,7 @@ impl Simulator {
     /// ----------
     /// tangents : dict of array_like (w,) or (N, w)
     ///     Tangents by the keys of `step_jacobians`, in its coordinates; absent ones are 0.
-    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin, substeps, parameters
+    /// substeps, parameters, **inputs
     ///     As in `step_jacobians`.
     ///
     /// Returns
@@ -149,29 +139,18 @@ impl Simulator {
     /// ValueError, TypeError
     ///     As `step_jacobians`; a tangent has the wrong shape, or its argument is not given.
     #[pyo3(
-        signature = (
-            tangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None,
-            fin=None, substeps=None, parameters=None
-        ),
-        text_signature = "($self, tangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+        signature = (tangents, *, substeps=None, parameters=None, **inputs),
+        text_signature = "($self, tangents, *, substeps=1, parameters=(), **inputs)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_jvp<'py>(
         slf: &Bound<'py, Self>,
         tangents: &Bound<'py, PyDict>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
         substeps: Given,
         parameters: Option<Vec<String>>,
+        inputs: Option<Keywords>,
     ) -> PyResult<Array<'py>> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
-        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let call = Call::read(this, inputs, substeps, parameters)?;
         let arguments = call.arguments(this);
         let known = || arguments.iter().map(|(argument, _)| argument.name());
         for key in tangents.keys() {
@@ -194,10 +173,11 @@ impl Simulator {
         let row = |i: usize| parts.iter().flat_map(move |(part, width)| &part[i * width..][..*width]);
         let numbers: Vec<f64> = (0..instances).flat_map(row).copied().collect();
         let inner = &mut this.inner;
-        let run = || inner.step_jvp(&call.arrays.inputs(), call.substeps, &call.parameters, &numbers);
+        let run = || inner.step_jvp(&call.given.inputs(), call.substeps, &call.parameters, &numbers);
         let product = interruptible(py, run)?.or_raise()?;
         array(py, &[instances, this.inner.state_size()], product)
     }
+
     /// Product of a cotangent of the next state with the Jacobian of the step: the gradient of a scalar by state, inputs and
     /// parameters from that by the next state. By the adjoint of the step, in a few times its time whatever the number of columns; the
     /// record of the steps takes some 0.6 kB a step for each instance in the lanes.
@@ -206,7 +186,7 @@ impl Simulator {
     /// ----------
     /// cotangents : array_like (s,) or (N, s)
     ///     Derivatives of the scalar by the next state, in the coordinates of `step_jacobians`.
-    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin, substeps, parameters
+    /// substeps, parameters, **inputs
     ///     As in `step_jacobians`.
     ///
     /// Returns
@@ -221,33 +201,53 @@ impl Simulator {
     /// MemoryError
     ///     The record of the steps does not fit into memory.
     #[pyo3(
-        signature = (
-            cotangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None,
-            fin=None, substeps=None, parameters=None
-        ),
-        text_signature = "($self, cotangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+        signature = (cotangents, *, substeps=None, parameters=None, **inputs),
+        text_signature = "($self, cotangents, *, substeps=1, parameters=(), **inputs)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_vjp<'py>(
         slf: &Bound<'py, Self>,
         cotangents: &Bound<'py, PyAny>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
         substeps: Given,
         parameters: Option<Vec<String>>,
+        inputs: Option<Keywords>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
-        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let call = Call::read(this, inputs, substeps, parameters)?;
         let cotangents = rows("cotangents", cotangents, this.inner.instances(), &[this.inner.state_size()])?;
         let inner = &mut this.inner;
-        let run = || inner.step_vjp(&call.arrays.inputs(), call.substeps, &call.parameters, &cotangents);
+        let run = || inner.step_vjp(&call.given.inputs(), call.substeps, &call.parameters, &cotangents);
         let product = interruptible(py, run)?.or_raise()?;
         call.dict(py, this, 0, &product)
+    }
+
+    /// Linearization `z' = A z + B u` about the present states, exact to rounding.
+    ///
+    /// `z = [xi; dq; dV; dq']` with the pose error xi (6) in body axes, `T = T_0 exp xi`, and the absolute body twist
+    /// V; `u = [dF; dtau]` with the wrench F (6) on the vehicle, body axes at its origin, and the joint torques tau.
+    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos are off, a saturated actuator has derivative 0,
+    /// thrusters with a lag are settled. Differentiated by dual numbers through the articulated-body algorithm. [PC05]
+    ///
+    /// Parameters
+    /// ----------
+    /// **inputs : StepInputs
+    ///     Inputs of the motion of reference, as in `step`: thrust, wrench, joint_torque, external, fin.
+    ///
+    /// Returns
+    /// -------
+    /// A : numpy.ndarray (N, 12 + 2n, 12 + 2n)
+    /// B : numpy.ndarray (N, 12 + 2n, 6 + n)
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     An input has the wrong shape or type, or is not finite.
+    #[pyo3(signature = (**inputs))]
+    fn linearize<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> PyResult<(Array<'py>, Array<'py>)> {
+        let allowed = ["thrust", "wrench", "joint_torque", "external", "fin"];
+        let given = StepInputs::read_some(&self.inner, inputs, &allowed)?;
+        let (simulator, instances) = (&self.inner, self.inner.instances());
+        let [a, b] = interruptible(py, || simulator.linearizations(&given.inputs()))?.or_raise()?;
+        let rates = 6 + simulator.joints();
+        Ok((array(py, &[instances, 2 * rates, 2 * rates], a)?, array(py, &[instances, 2 * rates, rates], b)?))
     }
 }

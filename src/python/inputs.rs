@@ -1,67 +1,70 @@
-//! Inputs of a step from keyword arguments.
+//! Inputs of a step from the keywords of a call.
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{Given, optional_rows, read, rows, wrong_shape};
+use super::arrays::{read, rows, wrong_shape};
 use uvms_gym::batch::{Inputs, Simulator};
 
 /// Maximum number of coefficients of a servo target.
 const TERMS: usize = 4;
 
-/// Keyword arguments of a step.
+/// Keywords of a call besides its parameters.
+pub type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
+
+/// Inputs of a step in the order of [`Self::NAMES`], one row per instance.
 #[derive(Default)]
-pub struct InputArguments<'a, 'py> {
-    pub thrust: Given<'a, 'py>,
-    pub fin: Given<'a, 'py>,
-    pub wrench: Given<'a, 'py>,
-    pub joint_torque: Given<'a, 'py>,
-    pub joint_target: Given<'a, 'py>,
-    pub external: Given<'a, 'py>,
-    pub pose_target: Given<'a, 'py>,
-}
+pub struct StepInputs([Option<Vec<f64>>; 7]);
 
-/// The same as arrays, one row per instance.
-pub struct InputArrays {
-    thrust: Option<Vec<f64>>,
-    fin: Option<Vec<f64>>,
-    wrench: Option<Vec<f64>>,
-    joint_torque: Option<Vec<f64>>,
-    joint_target: Option<Vec<f64>>,
-    external: Option<Vec<f64>>,
-    pose_target: Option<Vec<f64>>,
-}
+impl StepInputs {
+    /// Names: the keys of `uvms_gym.StepInputs`.
+    const NAMES: [&str; 7] = ["thrust", "wrench", "joint_torque", "joint_target", "external", "pose_target", "fin"];
 
-impl InputArguments<'_, '_> {
-    /// Reads all of them for `simulator`.
-    pub fn read(&self, simulator: &Simulator) -> PyResult<InputArrays> {
-        let (instances, n) = (simulator.instances(), simulator.joints());
-        let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
-        Ok(InputArrays {
-            thrust: rows("thrust", self.thrust, &[simulator.allocation().count()])?,
-            fin: rows("fin", self.fin, &[simulator.scene().vehicle.fins.len()])?,
-            wrench: rows("wrench", self.wrench, &[6])?,
-            joint_torque: rows("joint_torque", self.joint_torque, &[n])?,
-            joint_target: self.joint_target.map(|given| target(given, instances, n)).transpose()?,
-            external: rows("external", self.external, &[n + 1, 6])?,
-            pose_target: self.pose_target.map(|given| poses("pose_target", given, instances)).transpose()?,
-        })
+    /// Reads all inputs among `keywords`.
+    ///
+    /// # Errors
+    /// `TypeError` for another keyword; as [`rows`].
+    pub fn read(simulator: &Simulator, keywords: Option<Keywords>) -> PyResult<Self> {
+        Self::read_some(simulator, keywords, &Self::NAMES)
     }
-}
 
-impl InputArrays {
-    /// Inputs of the simulator.
-    pub fn inputs(&self) -> Inputs<'_> {
-        Inputs {
-            thrust: self.thrust.as_deref(),
-            fin: self.fin.as_deref(),
-            wrench: self.wrench.as_deref(),
-            joint_torque: self.joint_torque.as_deref(),
-            joint_target: self.joint_target.as_deref(),
-            external: self.external.as_deref(),
-            pose_target: self.pose_target.as_deref(),
+    /// Reads inputs of a call that has only those in `allowed`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_some(simulator: &Simulator, keywords: Option<Keywords>, allowed: &[&str]) -> PyResult<Self> {
+        let (instances, n) = (simulator.instances(), simulator.joints());
+        let mut found = Self::default();
+        for (key, given) in keywords.into_iter().flatten() {
+            let name = key.cast::<PyString>()?.to_str()?;
+            let known = Self::NAMES.iter().position(|known| *known == name).filter(|_| allowed.contains(&name));
+            let Some(k) = known else {
+                let allowed = allowed.join(", ");
+                return Err(PyTypeError::new_err(format!("no input '{name}': inputs of this call are {allowed}")));
+            };
+            if given.is_none() {
+                continue;
+            }
+            let rows = |row: &[usize]| rows(name, &given, instances, row);
+            found.0[k] = Some(match name {
+                "thrust" => rows(&[simulator.allocation().count()])?,
+                "wrench" => rows(&[6])?,
+                "joint_torque" => rows(&[n])?,
+                "joint_target" => target(&given, instances, n)?,
+                "external" => rows(&[n + 1, 6])?,
+                "pose_target" => poses(name, &given, instances)?,
+                _ => rows(&[simulator.scene().vehicle.fins.len()])?,
+            });
         }
+        Ok(found)
+    }
+
+    /// The same as inputs of the simulator.
+    pub fn inputs(&self) -> Inputs<'_> {
+        let [thrust, wrench, joint_torque, joint_target, external, pose_target, fin] =
+            self.0.each_ref().map(|rows| rows.as_deref());
+        Inputs { thrust, wrench, joint_torque, joint_target, external, pose_target, fin }
     }
 }
 

@@ -3,8 +3,8 @@
 use nalgebra::{DVector, Vector6};
 use pyo3::prelude::*;
 
-use super::arrays::{Array, Given, array};
-use super::inputs::InputArguments;
+use super::arrays::{Array, array};
+use super::inputs::{Keywords, StepInputs};
 use super::model::{Arrays, dict};
 use super::simulator::Simulator;
 use uvms_gym::dynamics::Loads;
@@ -18,8 +18,8 @@ impl Simulator {
     /// ----------
     /// acceleration : array_like (6 + n,) or (N, 6 + n)
     ///     [V'; q''], m/s2 and rad/s2.
-    /// thrust, external
-    ///     As in `step`.
+    /// **inputs : StepInputs
+    ///     thrust and external, as in `step`.
     ///
     /// Returns
     /// -------
@@ -27,16 +27,15 @@ impl Simulator {
     ///     Wrench on the vehicle in body axes at its origin, N and N m; supplied by the mooring of a fixed vehicle.
     /// joint_torque : numpy.ndarray (N, n)
     ///     Actuator torques, N m or N, not limited to their efforts.
-    #[pyo3(signature = (acceleration, *, thrust=None, external=None))]
+    #[pyo3(signature = (acceleration, **inputs))]
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
         acceleration: &Bound<'py, PyAny>,
-        thrust: Given,
-        external: Given,
+        inputs: Option<Keywords>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         let n = self.inner.joints();
-        let loads = self.loads(py, &InputArguments { thrust, external, ..Default::default() })?;
+        let loads = self.loads(py, &StepInputs::read_some(&self.inner, inputs, &["thrust", "external"])?)?;
         let accelerations = self.finite_rows("acceleration", acceleration, 6 + n)?;
         let [wrench, torque] = self.each(py, [&[6], &[n]], |i, form| {
             let acceleration = DVector::from_column_slice(&accelerations[i * (6 + n)..(i + 1) * (6 + n)]);

@@ -2,25 +2,19 @@
 #![deny(unsafe_code)]
 
 mod arrays;
-mod choices;
 mod computation;
 mod controllers;
 mod derivatives;
 mod disturbance;
-mod equations;
-mod error_estimate;
 mod errors;
 mod inputs;
-mod integrators;
 mod inverse_dynamics;
 mod layout;
-mod linearize;
 mod model;
 mod motion;
 mod outputs;
 mod parameters;
 mod planning;
-mod recording;
 mod renderer;
 mod robots;
 mod rollout;
@@ -43,8 +37,6 @@ mod core {
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
-    use super::integrators::integrators;
-    #[pymodule_export]
     use super::planning::{optimize_trajectory, trajectory_inputs};
     #[pymodule_export]
     use super::renderer::Renderer;
@@ -56,6 +48,8 @@ mod core {
     use super::scene::{load_scene, scene_names};
     #[pymodule_export]
     use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::stability::integrators;
     #[pymodule_export]
     use super::task::{Task, task_defaults, tasks};
     use pyo3::prelude::*;

@@ -1,13 +1,14 @@
 //! `uvms_gym.Simulator`: closed form, kinematics, energy and momentum at the present states.
 
-use nalgebra::{DMatrix, Vector6};
+use nalgebra::{DMatrix, DVector, Vector6};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
 use super::arrays::{Array, Given, array, rows};
 use super::computation::{interruptible, shared};
 use super::errors::OrRaise;
-use super::inputs::InputArguments;
+use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::Pose;
@@ -64,9 +65,9 @@ impl Simulator {
         Ok(rows)
     }
 
-    pub(super) fn loads(&self, py: Python<'_>, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
-        let arrays = arguments.read(&self.inner)?;
-        interruptible(py, || self.inner.applied_loads(&arrays.inputs()))?.or_raise()
+    /// Loads of each instance under the inputs of a call.
+    pub(super) fn loads(&self, py: Python<'_>, given: &StepInputs) -> PyResult<Vec<AppliedLoads>> {
+        interruptible(py, || self.inner.applied_loads(&given.inputs()))?.or_raise()
     }
 }
 
@@ -141,25 +142,16 @@ impl Simulator {
 
     /// Wrenches on the moving bodies (vehicle first) in body axes at their frame origins, N and N m. [HC eqs. 21, 26]
     ///
-    /// Arguments as in `step`. `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
+    /// Keywords are the inputs of `step` (StepInputs). `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
     ///     damping, restoring (weight and buoyancy), flow (acceleration of the water: Froude-Krylov and added mass), thrust
     ///     (thrust at this instant), fins, tether, external, and sum, the total F.
-    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, pose_target=None, fin=None))]
-    fn body_wrenches<'py>(
-        &self,
-        py: Python<'py>,
-        thrust: Given,
-        wrench: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
-    ) -> Arrays<'py> {
-        let loads =
-            self.loads(py, &InputArguments { thrust, wrench, external, pose_target, fin, ..Default::default() })?;
+    #[pyo3(signature = (**inputs))]
+    fn body_wrenches<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
+        let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
         let bodies = self.inner.joints() + 1;
         let names = ["damping", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
         self.named(py, names, &[bodies, 6], |i, form| {
@@ -177,30 +169,16 @@ impl Simulator {
 
     /// Torques at the joints along +q, N m or N.
     ///
-    /// Arguments as in `step`; all but the first two matter to prescribed joints alone.
+    /// Keywords are the inputs of `step` (StepInputs). Besides joint_torque and joint_target they matter only to prescribed joints.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n)
     ///     command (actuators with their servos, limited to the effort; for a prescribed joint the torque that its motion
     ///     takes), friction, end_stop, and sum, the total tau.
-    #[pyo3(signature = (
-        *, joint_torque=None, joint_target=None, thrust=None, wrench=None, external=None, pose_target=None, fin=None
-    ))]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
-    fn joint_torques<'py>(
-        &self,
-        py: Python<'py>,
-        joint_torque: Given,
-        joint_target: Given,
-        thrust: Given,
-        wrench: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
-    ) -> Arrays<'py> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let loads = self.loads(py, &arguments)?;
+    #[pyo3(signature = (**inputs))]
+    fn joint_torques<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
+        let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
         self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.joints()], |i, form| {
             let torques = form.joint_torques(&loads[i].loads())?;
             Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
@@ -225,30 +203,16 @@ impl Simulator {
 
     /// Powers put into the system by absolute twists, W. In still water their sum is the rate of the total energy.
     ///
-    /// Arguments as in `step`. `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
+    /// Keywords are the inputs of `step` (StepInputs). `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
     ///     damping (of the bodies), friction, end_stop (damping), flow (acceleration of the water), thrust, fins, tether (its
     ///     weight included), external, joint_command, total.
-    #[pyo3(signature = (
-        *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None
-    ))]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
-    fn power<'py>(
-        &self,
-        py: Python<'py>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
-    ) -> Arrays<'py> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let loads = self.loads(py, &arguments)?;
+    #[pyo3(signature = (**inputs))]
+    fn power<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
+        let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
         let names = [
             "damping",
             "friction",
@@ -331,5 +295,60 @@ impl Simulator {
         let (this, py) = (shared(slf)?, slf.py());
         let width = 6 + this.inner.joints();
         this.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
+    }
+
+    /// Equations of motion in Fossen's form, `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`. [F21 sections 6.3, 10.3]
+    ///
+    /// nu = [V_r; q'] holds the body twist relative to the water, V_r = V - [R^T v_c; 0], and the joint rates. The
+    /// equations hold with nu' = [V_r'; q''] and V_r' = V' + [omega x R^T v_c - R^T a_c; 0], where V' and q'' are those of
+    /// `forward_dynamics`; in still water nu = [V; q']. Rows are the wrench on the vehicle at its origin and the joints.
+    ///
+    /// tau holds everything else, tau = W (thrust + fins + tether + external) + L command, with W and L of
+    /// `wrench_influence` and `torque_influence`, the wrenches of `body_wrenches` and the torques of `joint_torques`. The
+    /// first six rows of a fixed vehicle hold with the wrench of its mooring in tau.
+    ///
+    /// Parameters
+    /// ----------
+    /// nu : array_like (6 + n,) or (N, 6 + n), optional
+    ///     Velocity [V_r; q'] in place of the present one, m/s and rad/s, in `axes`.
+    /// axes : {"flu", "ned"}
+    ///     Body axes of the vehicle: x forward, y left, z up; or Fossen's, x forward, y starboard, z down, which give
+    ///     S M S and S x with S = diag(1, -1, -1, 1, -1, -1) on the vehicle's rows and columns.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray
+    ///     nu (N, 6 + n): the velocity, m/s and rad/s; M (N, 6 + n, 6 + n): rigid and added mass, kg, kg m and kg m2;
+    ///     C_nu (N, 6 + n): the product C(nu) nu, N and N m, Munk moment included; D_nu (N, 6 + n): the product D(nu) nu of
+    ///     linear and quadratic damping, joint friction and damping of end stops, against the motion: 0 at nu = 0;
+    ///     g (N, 6 + n): minus the force of weight, buoyancy and elastic end stops, the gradient of the potential energy;
+    ///     with gravity less a_c where the water accelerates by a_c.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     `nu` has the wrong shape or type, or is not finite; `axes` is neither "flu" nor "ned".
+    #[pyo3(signature = (nu=None, *, axes="flu"))]
+    fn equations<'py>(&self, py: Python<'py>, nu: Given, axes: &str) -> PyResult<Bound<'py, PyDict>> {
+        let ned = match axes {
+            "flu" => false,
+            "ned" => true,
+            _ => return Err(PyValueError::new_err(format!("axes is {axes:?}, but must be \"flu\" or \"ned\""))),
+        };
+        let width = 6 + self.inner.joints();
+        let mut given = nu.map(|nu| self.finite_rows("nu", nu, width)).transpose()?;
+        if let (Some(given), true) = (&mut given, ned) {
+            given.chunks_exact_mut(width).for_each(|row| [1, 2, 4, 5].into_iter().for_each(|k| row[k] = -row[k]));
+        }
+        let shapes: [&[usize]; 5] = [&[width], &[width, width], &[width], &[width], &[width]];
+        let arrays = self.each(py, shapes, |i, form| {
+            let nu = given.as_ref().map(|rows| DVector::from_column_slice(&rows[i * width..(i + 1) * width]));
+            let form = form.fossen_form(nu.as_ref())?;
+            let form = if ned { form.in_ned_axes() } else { form };
+            let [nu, coriolis, damping, restoring] =
+                [form.velocity, form.coriolis, form.damping, form.restoring].map(|x| x.as_slice().to_vec());
+            Ok([nu, by_rows(&form.mass_matrix), coriolis, damping, restoring])
+        })?;
+        dict(py, ["nu", "M", "C_nu", "D_nu", "g"], arrays)
     }
 }

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use super::arrays::{Array, Given, array, count};
 use super::computation::{detached, exclusive};
 use super::errors::OrRaise;
-use super::inputs::InputArguments;
+use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use super::stability::warn;
 use uvms_gym::dynamics::Servos;
@@ -60,35 +60,21 @@ impl Simulator {
     ///     beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05 (left out where the errors of all instances
     ///     are followed); an accumulated error beyond 2 % of the motion (`relative` of `error_estimate`) of an instance that is
     ///     followed: see the option `error_estimate`; a state that is infinite or NaN.
-    #[pyo3(
-        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=None),
-        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1)"
-    )]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
-    fn step(
-        slf: &Bound<'_, Self>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
-        substeps: Given,
-    ) -> PyResult<()> {
+    #[pyo3(signature = (*, substeps=None, **inputs), text_signature = "($self, *, substeps=1, **inputs)")]
+    fn step(slf: &Bound<'_, Self>, substeps: Given, inputs: Option<Keywords>) -> PyResult<()> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let inner = &mut this.inner;
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let arrays = arguments.read(inner)?;
+        let given = StepInputs::read(inner, inputs)?;
+        let inputs = given.inputs();
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
-        let servos = Servos { joints: joint_target.is_some(), vehicle: pose_target.is_some() };
+        let servos = Servos { joints: inputs.joint_target.is_some(), vehicle: inputs.pose_target.is_some() };
         warn(py, inner.warn_of_step(servos))?;
         let mut interrupt = Ok(());
         let mut go_on = || {
             interrupt = Python::attach(|py| py.check_signals());
             interrupt.is_ok()
         };
-        detached(py, || inner.step_while(&arrays.inputs(), substeps, &mut go_on))?.or_raise()?;
+        detached(py, || inner.step_while(&inputs, substeps, &mut go_on))?.or_raise()?;
         interrupt?;
         while let Some(warning) = inner.warn_of_motion() {
             warn(py, Some(warning))?;
@@ -96,30 +82,19 @@ impl Simulator {
         Ok(())
     }
 
-    /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step`. The state is
-    /// unchanged. [RF08 ch. 7]
+    /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step` (StepInputs). The
+    /// state is unchanged. [RF08 ch. 7]
     ///
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n)
     ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 for a fixed
     ///     vehicle.
-    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None))]
-    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
-    fn forward_dynamics<'py>(
-        slf: &Bound<'py, Self>,
-        thrust: Given,
-        wrench: Given,
-        joint_torque: Given,
-        joint_target: Given,
-        external: Given,
-        pose_target: Given,
-        fin: Given,
-    ) -> PyResult<Array<'py>> {
+    #[pyo3(signature = (**inputs))]
+    fn forward_dynamics<'py>(slf: &Bound<'py, Self>, inputs: Option<Keywords>) -> PyResult<Array<'py>> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let arrays = arguments.read(&this.inner)?;
-        let accelerations = detached(py, || this.inner.forward_dynamics(&arrays.inputs()))?.or_raise()?;
+        let given = StepInputs::read(&this.inner, inputs)?;
+        let accelerations = detached(py, || this.inner.forward_dynamics(&given.inputs()))?.or_raise()?;
         array(py, &[this.inner.instances(), 6 + this.inner.joints()], accelerations)
     }
 }

@@ -1,12 +1,14 @@
 //! `uvms_gym.Simulator`: parameters of single instances.
 
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 
-use super::arrays::{Given, array, read, wrong_shape};
+use super::arrays::{array, read, wrong_shape};
 use super::computation::exclusive;
 use super::errors::OrRaise;
+use super::inputs::Keywords;
 use super::simulator::Simulator;
+use uvms_gym::batch::parameter;
 use uvms_gym::system::Factors;
 
 #[pymethods]
@@ -47,43 +49,32 @@ impl Simulator {
     /// thrust : array_like () or (N,)
     ///     Factor on the thrust relative to the commanded thrust.
     /// thruster_lag : array_like () or (N,)
-    ///     Factor on the thrusters' time constants, where the scene gives them any.
+    ///     Factor on the thrusters' time constants, where the scene has any.
     ///
     /// Raises
     /// ------
     /// ValueError, TypeError
-    ///     A factor has the wrong shape or type, is negative or not finite; nothing has changed then.
-    #[pyo3(signature = (
-        *, mass=None, added_mass=None, linear_damping=None, quadratic_damping=None, volume=None, payload=None, thrust=None,
-        thruster_lag=None
-    ))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
-    fn scale_parameters(
-        slf: &Bound<'_, Self>,
-        mass: Given,
-        added_mass: Given,
-        linear_damping: Given,
-        quadratic_damping: Given,
-        volume: Given,
-        payload: Given,
-        thrust: Given,
-        thruster_lag: Given,
-    ) -> PyResult<()> {
+    ///     A factor is unknown, has the wrong shape or type, is negative or not finite; nothing has changed then.
+    #[pyo3(signature = (**factors))]
+    fn scale_parameters(slf: &Bound<'_, Self>, factors: Option<Keywords>) -> PyResult<()> {
         let this = &mut *exclusive(slf)?;
         let instances = this.inner.instances();
-        let mut factors: Vec<_> = (0..instances).map(|i| this.inner.factors(i).to_array()).collect();
-        let given = [mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag];
-        for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
-            let Some(given) = given else { continue };
-            let (shape, numbers) = read(name, given)?;
+        let mut rows: Vec<_> = (0..instances).map(|i| this.inner.factors(i).to_array()).collect();
+        for (key, given) in factors.into_iter().flatten() {
+            let name = key.cast::<PyString>()?.to_str()?;
+            let k = parameter(name).or_raise()?;
+            if given.is_none() {
+                continue;
+            }
+            let (shape, numbers) = read(name, &given)?;
             if !shape.is_empty() && shape != [instances] {
                 return Err(wrong_shape(name, &shape, &format!("() or ({instances},)")));
             }
-            for (factors, number) in factors.iter_mut().zip(numbers.iter().cycle()) {
-                factors[k] = *number;
+            for (row, number) in rows.iter_mut().zip(numbers.iter().cycle()) {
+                row[k] = *number;
             }
         }
-        let factors: Vec<_> = factors.into_iter().map(Factors::from_array).collect();
+        let factors: Vec<_> = rows.into_iter().map(Factors::from_array).collect();
         this.inner.set_factors(&factors).or_raise()
     }
 }

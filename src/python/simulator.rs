@@ -4,8 +4,7 @@ use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{Array, Given, array, count, read, wrong_shape};
-use super::choices::{name_of, one_of};
+use super::arrays::{Array, Given, array, count, name_of, one_of, read, wrong_shape};
 use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::scene;

@@ -240,13 +240,21 @@ def junk(rng: random.Random, sizes: tuple[int, ...]) -> Any:
                 return values.astype(rng.choice([np.float64, np.float32, ">f8", np.float16]))
 
 
+#: Known keywords of methods by the name of the parameter that collects them.
+KEYWORDS = {"inputs": tuple(uvms_gym.StepInputs.__annotations__), "factors": tuple(Simulator("free-body").parameters)}
+
+
 def arguments(
     function: Callable[..., Any], rng: random.Random, sizes: tuple[int, ...]
 ) -> tuple[list[Any], dict[str, Any]]:
     """Random arguments; of those that a function has, save a few too many or too few."""
     positional, keywords = [], {}
-    for name, parameter in inspect.signature(function).parameters.items():
-        if name == "self":
+    parameters = dict(inspect.signature(function).parameters)
+    last = next(reversed(parameters.values()), None)
+    if last and last.kind is last.VAR_KEYWORD and last.name in KEYWORDS:
+        parameters |= {name: inspect.Parameter(name, last.KEYWORD_ONLY) for name in KEYWORDS[last.name]}
+    for name, parameter in parameters.items():
+        if name == "self" or (name in KEYWORDS and rng.random() < 0.5):
             continue
         value = junk(rng, sizes)
         if name in ("substeps", "threads", "num_envs") and isinstance(value, int):

@@ -11,6 +11,7 @@ import uvms_gym
 
 #: Layers, lowest first. Modules of one layer may import each other; `uvms_gym` alone is the package's `__init__`.
 LAYERS = (
+    ("uvms_gym.inputs",),
     ("uvms_gym._core", "uvms_gym._extras", "uvms_gym._files", "uvms_gym._rotations"),
     ("uvms_gym._task", "uvms_gym._step"),
     (

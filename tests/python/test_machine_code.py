@@ -65,7 +65,7 @@ AROUND_STEPS = {
     r"___rust_dealloc": "the same",
     r"^_Unwind_Resume$|panic_in_cleanup": "the same after a panic",
     r"3Isa8detected|10std_detect|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
-    ROUTINE + r".*16instance_numbers11LoadNumbers": "numbers of single instances, before their steps",
+    ROUTINE + r".*11own_numbers11LoadNumbers": "numbers of single instances, before their steps",
     STEP: "the step itself",
 }
 # What those of dual numbers may call: a 6-vector of them has 384 bytes, and the compiler writes out copies of
@@ -77,7 +77,7 @@ ADJOINT = r"stepping7adjoint7Reverse|stepping7reverse\d+(Explicit|Implicit)Rever
 # What it may call besides what kernels elsewhere may.
 OF_ADJOINT = {
     r"4lane4tape.*4grow|7raw_vec.*8grow_one": "records that grow",
-    r"12scratch_pool.*(take|put)|7adjoint(11make_memory|9instances)|drop_in_place.*3Vec": "memory of the reverse",
+    r"11ScratchPool.*(take|put)|7adjoint(11make_memory|9instances)|drop_in_place.*3Vec": "memory of the reverse",
     r"10StepRecord.*4trim": "the same, after the last instance",
     r"7adjoint.*8Portions4next|7reverse11interrupted": "room for the records of many steps, and whether to go on",
     r"27equations_of_motion_adjoint|17NeverShortCircuit": "parts that several reverses share",

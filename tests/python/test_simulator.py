@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from uvms_gym import Simulator, integrators, scene_names
+from uvms_gym import Simulator, StepInputs, integrators, scene_names
 
 INTEGRATORS = [entry["name"] for entry in integrators()]
 DTYPES = ["float64", "float32"]
@@ -291,6 +291,20 @@ def test_errors_name_the_input_and_the_number() -> None:
         s.step(thrust=thrust)
     with pytest.raises(ValueError, match=r"thrust has shape \(5,\), but must have \(6,\) or \(3, 6\)"):
         s.step(thrust=np.zeros(5))
+
+
+def test_an_unknown_input_is_named_with_the_known_ones() -> None:
+    s = Simulator("petasus-pum")
+    for method in (s.step, s.forward_dynamics, s.body_wrenches, s.joint_torques, s.power, s.step_jacobians):
+        with pytest.raises(TypeError) as raised:
+            method(thrsut=np.zeros(6))
+        assert (
+            str(raised.value) == f"no input 'thrsut': inputs of this call are {', '.join(StepInputs.__annotations__)}"
+        )
+    with pytest.raises(TypeError, match="no input 'pose_target': inputs of this call are thrust, wrench, joint_torque"):
+        s.linearize(pose_target=np.eye(4))
+    with pytest.raises(TypeError, match="no input 'wrench': inputs of this call are thrust, external"):
+        s.inverse_dynamics(np.zeros(11), wrench=np.zeros(6))
 
 
 def test_what_a_scene_lacks_cannot_be_used() -> None:
