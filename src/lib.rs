@@ -1,26 +1,45 @@
-//! Underwater vehicle-manipulator systems on SE(3).
+//! Underwater vehicle-manipulator systems on SE(3): simulation of batches of instances, with exact derivatives.
 //!
-//! Layers; each imports only those before it in this list, and any of them its errors from `error`:
+//! # Interface
+//!
+//! - [`description::Scene`]: vehicle, arm and water as plain data, from a shipped scene or a TOML file.
+//! - [`batch::Simulator`]: instances of a scene. [`batch::Inputs`] are the loads of a step, [`system::State`] is the state of
+//!   an instance. Derivatives of steps: `step_jacobians`, `step_jvp`, `step_vjp`.
+//! - [`dynamics::ClosedFormModel`]: mass matrix, bias, damping, restoring forces, energy and momentum at a state.
+//!
+//! All else serves the Python package `uvms_gym` and may change at any time. The crate is not published by itself.
+//!
+//! # Quick start
+//!
+//! `examples/step.rs`; further examples compare integrators and differentiate a step.
+//!
+//! ```
+#![doc = include_str!("../examples/step.rs")]
+//! ```
+//!
+//! # Layers
+//!
+//! Each imports only those before it in this list, and errors from `error`:
 //!
 //! ```text
 //! lane          numbers, one or many at a time
 //! limits        interrupts of long computations, memory
 //! lie           SO(3), SE(3), dexp
 //! spatial       twists, wrenches, inertia
-//! hydro         drag, restoring
-//! description   scenes as plain data
-//! estimate      a body's numbers from its shape
+//! hydro         damping, restoring, thrusters, fins, tether
+//! description   scenes as plain data: TOML, checks, warnings
+//! estimate      coefficients of a body from its shape
 //! urdf          arms from URDF files
 //! system        compile(description), state
 //! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, CRBA, linearization
 //! integrate     Munthe-Kaas methods, a linearly implicit one, baseline methods
-//! render        pictures
+//! render        software rasteriser
 //! optimize      box-constrained differential dynamic programming
-//! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks
-//! task          tasks: sampling, observation, reward
+//! control       thruster allocation, actuation, controllers, observers, neural networks
+//! task          tasks: episodes, disturbances, observation, reward, metrics
 //! batch         blocks of lanes, threads, closed loops
 //! planning      trajectory optimisation on the steps of a simulator
-//! python        the Python module: a crate on top of this one
+//! python        the Python module: a crate above this one
 //! ```
 //!
 #![doc = include_str!("NOTATION.md")]

@@ -9,7 +9,7 @@ use super::{Body, Frame, LinearActuator, numbers};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// Name.
+    /// Name of the arm, for people.
     pub name: String,
     /// Loading of the arm's base onto the vehicle: fixed or by a joint.
     #[serde(default)]

@@ -9,7 +9,7 @@ use super::numbers;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fin {
-    /// Name.
+    /// Name, by which keys select the fin: `vehicle.fins[NAME]`.
     pub name: String,
     /// Centre of pressure in the vehicle frame, m.
     #[serde(with = "numbers::vector3")]

@@ -9,7 +9,7 @@ use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
-    /// Name.
+    /// Name of the vehicle, for people.
     pub name: String,
     /// Fixed at its initial pose in the world, so that the arm has a fixed base. `[HC eq. 27]`
     #[serde(default)]
@@ -36,7 +36,7 @@ pub struct Vehicle {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thruster {
-    /// Name.
+    /// Name, by which keys select the thruster: `vehicle.thrusters[NAME]`.
     pub name: String,
     /// Position in the vehicle frame, m.
     #[serde(with = "numbers::vector3")]

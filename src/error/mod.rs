@@ -1,4 +1,6 @@
-//! Errors, one enum per boundary.
+//! Errors, one enum per boundary. The text of each error says what its fields are.
+
+#![allow(missing_docs)]
 
 mod control;
 mod dynamics;

@@ -35,7 +35,7 @@ fn slow() -> [f64; 2] {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
-    /// Name.
+    /// Name of the shape in errors.
     pub name: String,
     /// Edges along x, y, z, m.
     #[serde(rename = "box", deserialize_with = "numbers::optional_vector3")]

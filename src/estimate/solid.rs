@@ -23,10 +23,24 @@ pub enum Ends {
 pub enum Solid {
     /// Edges along x, y, z, m.
     Box(Vector3<f64>),
-    /// Cylinder about the axis of this index.
-    Cylinder { radius: f64, length: f64, axis: usize },
-    /// Capsule: a cylinder between hemispheres; `length` is the cylinder's.
-    Capsule { radius: f64, length: f64, axis: usize },
+    /// Cylinder about an axis.
+    Cylinder {
+        /// Radius, m.
+        radius: f64,
+        /// Length, m.
+        length: f64,
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// Capsule: a cylinder between hemispheres.
+    Capsule {
+        /// Radius, m.
+        radius: f64,
+        /// Length of the cylinder, m.
+        length: f64,
+        /// Index of the axis.
+        axis: usize,
+    },
     /// Semi-axes along x, y, z, m.
     Ellipsoid(Vector3<f64>),
 }

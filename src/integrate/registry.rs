@@ -71,7 +71,7 @@ pub enum Kind {
 /// Named integrator.
 #[derive(Debug, Clone, Copy)]
 pub struct Entry {
-    /// Name.
+    /// Name, by which options select the integrator.
     pub name: &'static str,
     /// Description in one line.
     pub summary: &'static str,

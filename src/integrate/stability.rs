@@ -41,8 +41,11 @@ pub enum Stability {
     Explicit(&'static Tableau),
     /// `v += h a(x, v); x += h v`, on each pair of complex rates as a separate oscillator.
     SemiImplicitEuler,
-    /// A linearly implicit method of this order, which is L-stable: decaying modes decay at any step.
-    LinearlyImplicit { order: usize },
+    /// A linearly implicit method, which is L-stable: decaying modes decay at any step.
+    LinearlyImplicit {
+        /// Order of the method.
+        order: usize,
+    },
     /// An explicit method with error control.
     Adaptive,
 }

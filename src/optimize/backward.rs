@@ -8,14 +8,18 @@ use crate::limits::interrupt;
 /// Quadratic model about a knot in `z = [dx; du]`: next state `dynamics z`, cost `gradient^T z + z^T hessian z / 2`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knot {
+    /// Derivative of the next state.
     pub dynamics: DMatrix<f64>,
+    /// Gradient of the cost.
     pub gradient: DVector<f64>,
+    /// Hessian of the cost.
     pub hessian: DMatrix<f64>,
 }
 
 /// Quadratic model about a trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expansion {
+    /// Models about the knots.
     pub knots: Vec<Knot>,
     /// Gradient and Hessian of the cost of the last state.
     pub end: (DVector<f64>, DMatrix<f64>),
@@ -27,7 +31,9 @@ pub type Ranges = Vec<[DVector<f64>; 2]>;
 /// Change of a knot's inputs: `feedforward + gain dx`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Policy {
+    /// Change without a deviation of the state.
     pub feedforward: DVector<f64>,
+    /// Change per deviation of the state.
     pub gain: DMatrix<f64>,
 }
 

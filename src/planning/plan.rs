@@ -27,14 +27,17 @@ pub struct Problems<'a> {
     pub numbers: Numbers<'a>,
     /// (N, horizon, w): inputs at the start, within bounds or not.
     pub start: &'a [f64],
+    /// Limits of the iterations.
     pub settings: Settings,
 }
 
 /// Optimal trajectory of one problem.
 pub struct Plan {
+    /// Inputs and states.
     pub trajectory: Trajectory,
     /// World position of the end effector at each knot, m.
     pub end_effector: Vec<[f64; 3]>,
+    /// Costs, feedback gains and convergence.
     pub solution: Solution,
 }
 

@@ -17,19 +17,24 @@ pub struct Numbers<'a> {
     pub references: &'a [f64],
     /// (N, horizon + 1, [`residuals`]), at least 0.
     pub weights: &'a [f64],
-    /// (N, horizon, w); weights greater than 0.
+    /// (N, horizon, w).
     pub input_references: &'a [f64],
+    /// (N, horizon, w), greater than 0.
     pub input_weights: &'a [f64],
-    /// (N, horizon, w); may be infinite.
+    /// Minimum inputs, (N, horizon, w); may be infinite.
     pub lower: &'a [f64],
+    /// Maximum inputs, (N, horizon, w); may be infinite.
     pub upper: &'a [f64],
 }
 
-/// Trajectory: inputs of all knots, states, and every number of the simulator before each knot.
+/// Inputs and states along a trajectory.
 #[derive(Debug, Clone, Default)]
 pub struct Trajectory {
+    /// Inputs of all knots, (horizon, w).
     pub inputs: Vec<f64>,
+    /// States at all knots.
     pub states: Vec<State>,
+    /// Every number of the simulator before each knot.
     pub saved: Vec<f64>,
 }
 

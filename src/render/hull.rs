@@ -66,6 +66,7 @@ pub fn hull(scene: &Scene) -> (Envelope, Mesh, Vec<Thruster>) {
     (envelope, mesh, thrusters)
 }
 
+/// The vector in single precision.
 pub fn single(v: &nalgebra::Vector3<f64>) -> Vector {
     v.map(|x| x as f32)
 }

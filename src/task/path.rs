@@ -68,11 +68,15 @@ const SAMPLES: u32 = 256;
 
 /// Numbers of a path: offsets from its first row.
 const BASE: usize = 0;
+/// First row of the shift to the start.
 pub const SHIFT: usize = BASE + 9;
+/// Row of the phase on the path.
 pub const PHASE: usize = SHIFT + 6;
 const REACH: usize = PHASE + 1;
+/// Row of the progress of the start, from 0 to 1.
 pub const PROGRESS: usize = REACH + 1;
 const RATE: usize = PROGRESS + 1;
+/// First row of the amplitudes of the harmonics.
 pub const WAVES: usize = RATE + 1;
 const SPLINE: usize = WAVES + 12 * HARMONICS;
 /// Numbers of a path.

@@ -5,7 +5,7 @@ use crate::system::{FACTORS, Factors, Flow, State};
 
 /// Named part of a row of [`privileged`].
 pub struct PrivilegedPart {
-    /// Name.
+    /// Name, as in `privileged_layout`.
     pub name: &'static str,
     /// Number of entries.
     pub length: usize,

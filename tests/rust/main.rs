@@ -9,6 +9,7 @@ mod description;
 mod double_double;
 mod dynamics;
 mod estimate;
+mod examples;
 mod golden;
 mod hydro;
 mod lane;

@@ -8,7 +8,7 @@ use super::{
 /// A named disturbance.
 #[derive(Debug, Clone, Copy)]
 pub struct Level {
-    /// Name.
+    /// Name, by which options select the level.
     pub name: &'static str,
     /// Description, one sentence.
     pub description: &'static str,
