@@ -2,15 +2,15 @@
 //!
 //! `docs/batch.md` draws block, row, lane, column, group, chunk and portion, and follows one step through them.
 //!
-//! Rooms, each above those before it: `storage` (memory and loads), `stepping` (kernels and threads), `monitoring` (quality
-//! of the steps), `episodes` (tasks around the physics).
+//! Modules: `storage` (memory and loads), `stepping` (kernels and threads), `monitoring` (quality of the steps), `simulator`,
+//! `episodes` (tasks around the physics).
 
 mod episodes;
 mod monitoring;
 mod options;
 mod simulator;
-pub mod stepping;
-pub mod storage;
+pub(crate) mod stepping;
+pub(crate) mod storage;
 
 pub use episodes::{
     Autoreset, Beginning, Final, Outputs, Recorder, Recording, Rollout, RolloutStats, Saved, StepResult, TaskBatch,
@@ -27,3 +27,18 @@ pub use simulator::coordinates::Argument;
 pub use simulator::derivatives::{StepJacobians, parameter};
 pub use simulator::states::States;
 pub use storage::inputs::Inputs;
+
+/// Insides of the batch for the tests of this repository; no part of the interface.
+#[doc(hidden)]
+pub mod insides {
+    pub use super::stepping::adjoint::Cotangents;
+    pub use super::stepping::blocks::{Blocks, Storage};
+    pub use super::stepping::derivative::{DerivativeColumn, Directions, Duals, Pairs, step_pairs};
+    pub use super::stepping::parameters::StepSettings;
+    pub use super::stepping::step::Step;
+    pub use super::stepping::threads::for_each;
+    pub use super::storage::aligned::{Aligned, LINE};
+    pub use super::storage::inputs::{CheckedInputs, InstanceLoads};
+    pub use super::storage::layout::Layout;
+    pub use super::storage::table::Table;
+}

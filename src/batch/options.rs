@@ -22,12 +22,12 @@ impl Precision {
     }
 
     /// True where `x` is a finite number of this type.
-    pub fn holds(self, x: f64) -> bool {
+    pub fn is_finite(self, x: f64) -> bool {
         x.abs() < self.bound()
     }
 
-    /// True where all of them are. (The loop has no early exit, so that it vectorises.)
-    pub fn holds_all(self, values: &[f64]) -> bool {
+    /// True where all values are finite numbers of this type. (The loop has no early exit, so that it vectorises.)
+    pub fn all_finite(self, values: &[f64]) -> bool {
         let bound = self.bound();
         values.iter().fold(true, |all, x| all & (x.abs() < bound))
     }
@@ -60,8 +60,8 @@ pub struct SimulatorOptions {
     pub precision: Precision,
     /// Maximum number of threads; number of cores where `None`. Few instances use fewer.
     pub threads: Option<usize>,
-    /// True where accumulated errors of all instances are estimated; false where none are; `None` where those of few instances,
-    /// or of a few out of many in turns, are watched for warnings.
+    /// True to estimate accumulated errors of all instances, false to estimate none; `None` to watch few instances, or a few out
+    /// of many in turns, for warnings.
     pub error_estimate: Option<bool>,
 }
 

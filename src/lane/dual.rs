@@ -1,6 +1,6 @@
 //! Dual numbers in lanes: values and their directional derivatives, for exact differentiation of the kernels.
 //!
-//! Every branch and mask compares values alone, and every value is computed by the operations of the lanes beneath: values have
+//! Every branch and mask compares only values, and every value is computed by the operations of the lanes beneath: values have
 //! the same bits as without slopes. At the kinks of `min`, `max` and `select` the slope is that of the number chosen, at that of
 //! `abs` and `sqrt` it is 0.
 
@@ -96,7 +96,7 @@ impl<L: Lane> Lane for Dual<L> {
     fn call<R: Routine<Self>>(routine: &mut R) {
         L::call(&mut OnDuals(routine));
     }
-    /// Slope -0: the compiler omits its addition, which changes nothing, as it would not that of +0.
+    /// Slope -0: adding -0 changes no number, so that the compiler omits the addition; it would not omit adding +0.
     #[inline(always)]
     fn splat(x: L::Real) -> Self {
         Self::new(L::splat(x), L::c(-0.0))

@@ -79,7 +79,7 @@ const NEAR: f64 = 1.0 / 16.0;
 const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
 
-/// Sine and cosine of x from those of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; by
+/// Sine and cosine of x from sine and cosine of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; by
 /// [`sin_cos`] beyond [`NEAR`]. The choice is made per lane.
 #[inline(always)]
 pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
@@ -123,7 +123,7 @@ pub fn inverse_sqrt<L: Lane>(x: L) -> L {
     (y * h).mul_add(half, y)
 }
 
-/// Exponents that [`exp`] can tell, in powers of 2.
+/// Range of the exponents of [`exp`], in powers of 2.
 const EXPONENT: f64 = 31.0;
 
 /// `e^x`, to a few units in the last place, for |x| up to 21; beyond, as there.
@@ -256,7 +256,7 @@ const ATAN_SINGLE: [f64; 5] = [
     -1.064_801_737_666_13e-1,
     6.168_760_731_816_292e-2,
 ];
-/// pi/4 in two parts; multiples of them by powers of two are those of pi.
+/// pi/4 in two parts; multiples of them by powers of two are multiples of pi.
 const QUARTER_PI: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.061_616_997_868_383e-17];
 const QUARTER_PI_SINGLE: [f64; 2] = [7.853_981_852_531_433e-1, -2.185_569_414_336_896e-8];
 /// tan(pi/8)

@@ -32,7 +32,7 @@ impl Isa {
         [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
     }
 
-    /// The widest instruction set, or the one named by the environment variable `UVMS_INSTRUCTION_SET`.
+    /// The widest instruction set, or the instruction set in the environment variable `UVMS_INSTRUCTION_SET`.
     pub fn best() -> Result<Isa, UnknownIsa> {
         Ok(Isa::chosen()?.0)
     }
@@ -58,7 +58,7 @@ impl Isa {
             .clone()
     }
 
-    /// True if its lanes hold more than one number.
+    /// True if a lane has more than one number.
     pub fn is_wide(self) -> bool {
         !matches!(self, Isa::Fma | Isa::Plain)
     }

@@ -56,7 +56,7 @@ pub trait Lane:
             self.store(numbers);
         }
     }
-    /// The same number, held constant in differentiation: [`super::Dual`] drops its slope.
+    /// The same number as a constant in differentiation: [`super::Dual`] drops its slope.
     #[inline(always)]
     fn held(self) -> Self {
         self
@@ -155,7 +155,7 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
     /// machine code, for work whose speed does not matter.
     fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
-    /// Runs a kernel on the lanes of AVX2 or NEON alone, for work that fills lanes with one instance; does nothing on machines
+    /// Runs a kernel only on the lanes of AVX2 or NEON, for work that fills lanes with one instance; does nothing on machines
     /// without. (Kernels of dual numbers take half a minute each to compile; AVX-512 saved a sixth of the time.)
     fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K);
     /// Runs a kernel on the lanes of `isa`, with fused multiply-add in all of them; does nothing on machines without.

@@ -6,7 +6,7 @@ use super::number::Lane;
 #[cfg(target_arch = "x86_64")]
 const LINE: usize = 64;
 
-/// Prefetches the memory `stride` numbers after `numbers`, of the same length: that of the next block. A hint without effect on
+/// Prefetches the memory `stride` numbers after `numbers`, of the same length: the next block. A hint without effect on
 /// results, valid for any address. Scalar lanes, which step single instances, prefetch nothing: there is no next block, or
 /// time enough.
 #[inline(always)]

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use super::step_monitor::digits;
 use super::step_quality::{KNOWN_LIMIT, maximum};
-use super::text::digits;
 use crate::system::{JOINTS, Joints};
 
 /// Estimated error that has accumulated in the state of an instance since its state was set: see

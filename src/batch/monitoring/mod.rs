@@ -4,4 +4,3 @@ pub mod error_estimate;
 pub mod modal_analysis;
 pub mod step_monitor;
 pub mod step_quality;
-mod text;

@@ -6,9 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::{Complex, Vector3, Vector6};
 
-use super::step_monitor::InaccurateStep;
+use super::step_monitor::{InaccurateStep, OtherIntegrators, digits};
 use super::step_quality::ACCUMULATED_LIMIT;
-use super::text::{OtherIntegrators, digits};
 use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
@@ -85,14 +84,14 @@ fn text(rate: Complex<f64>) -> String {
 /// Modal analysis of a scene, linearized at a spread of states.
 ///
 /// Configurations of the arm: home, and a fixed low-discrepancy sequence within the limits. Motions: at rest; the vehicle
-/// at its expected speed through the water along each axis in turn, or the water past a held one; all joints at their expected
+/// at its expected speed through the water along each axis in turn, or the water past a fixed one; all joints at their expected
 /// speeds. At home also each joint against each end stop, as deep as its expected speed carries it. All of them level, without
 /// loads, servos at their targets.
 #[derive(Debug)]
 pub struct ModalAnalysis {
     joint_names: Vec<String>,
     samples: Vec<Sample>,
-    /// Modes without servos, with those of the joints, of the vehicle, of both: computed on first use.
+    /// Modes without servos, with servos of the joints, of the vehicle, and of both: computed on first use.
     modes: [OnceLock<Vec<SampleModes>>; 4],
     system: Arc<crate::system::System<crate::lane::Shared<f64>>>,
 }
@@ -102,7 +101,7 @@ struct Sample {
     place: String,
     /// Joint against a stop.
     stop: Option<usize>,
-    /// True where nothing moves but the water past a held vehicle.
+    /// True where nothing moves but the water past a fixed vehicle.
     rest: bool,
     linear: Linearization,
 }
@@ -122,11 +121,11 @@ impl ModalAnalysis {
         let joints: Vec<&Joint> = scene.joints().collect();
         let joint_names = scene.joint_names();
         let system = &compiled.system;
-        let held = scene.vehicle.fixed;
+        let fixed = scene.vehicle.fixed;
         // `twist` through the water.
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
             let twist = Vector6::from(twist);
-            let (own, water) = if held { (Vector6::zeros(), -twist) } else { (twist, Vector6::zeros()) };
+            let (own, water) = if fixed { (Vector6::zeros(), -twist) } else { (twist, Vector6::zeros()) };
             let state = State { q: *q, qd, twist: own, ..State::default() };
             let water: Vector3<f64> = water.fixed_rows::<3>(0).into();
             linearize(system, &state, &water.into(), &[0.0; 6], &system.deflections(), &ArmLoads::none())
@@ -144,12 +143,12 @@ impl ModalAnalysis {
             };
             add("at rest", true, at(&q, [0.0; 6], still));
             // The water turns past nothing.
-            let axes = if held { 3 } else { 6 };
+            let axes = if fixed { 3 } else { 6 };
             for (axis, &speed) in speeds.iter().enumerate().take(axes).filter(|(_, speed)| **speed > 0.0) {
                 let mut twist = [0.0; 6];
                 twist[axis] = speed;
                 let unit = if axis < 3 { "m/s" } else { "rad/s" };
-                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), held, at(&q, twist, still));
+                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), fixed, at(&q, twist, still));
             }
             if joint_speeds != still {
                 add("joints at speed", false, at(&q, [0.0; 6], joint_speeds));
@@ -160,7 +159,7 @@ impl ModalAnalysis {
             for (limit, side) in [(limits.lower, -1.0), (limits.upper, 1.0)] {
                 let mut q = scene.home();
                 q[k] = limit;
-                // As deep as the joint's speed carries it against the stiffness alone; 1/B is its apparent inertia.
+                // Depth to which the stiffness stops the joint from its speed, without damping; 1/B is its apparent inertia.
                 let rates = 6 + joints.len();
                 let free = at(&q, [0.0; 6], still).b[(rates + 6 + k, 6 + k)];
                 let depth = joint_speeds[k] / (limits.stiffness * free).sqrt();
@@ -291,9 +290,9 @@ fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
 static ANALYSES: Mutex<VecDeque<(Scene, Arc<ModalAnalysis>)>> = Mutex::new(VecDeque::new());
 
 impl Simulator {
-    /// Expected speed through the water along each axis: that of the scene's current, which may come from any heading, or, where
-    /// that is greater, the one at which damping balances full thrust, arm at home, at most 5 m/s and 5 rad/s. A held vehicle has
-    /// that of the current.
+    /// Expected speed through the water along each axis: the maximum of the speed of the scene's current, which may come from any
+    /// heading, and the speed at which damping balances full thrust, arm at home, at most 5 m/s and 5 rad/s. A fixed vehicle has
+    /// the speed of the current.
     pub fn expected_speed(&self) -> [f64; 6] {
         let thrust = self.allocation().wrench_limits();
         let [x, y, z] = self.scene().water.current.into();

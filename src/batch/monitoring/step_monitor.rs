@@ -7,7 +7,6 @@ use super::step_quality::{
     ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, FOLLOWED_ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality,
     StepViolation, Violations,
 };
-use super::text::{OtherIntegrators, digits};
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;
@@ -115,12 +114,12 @@ impl StepMonitor {
         self.unstable_step_warned = true;
     }
 
-    /// Limits for a method with this range of `h |lambda|`; none once nothing is news. Accumulated errors, where they are
-    /// `estimated`, tell more than the velocity errors of the last steps.
+    /// Limits for a method with this range of `h |lambda|`; none once every warning has been given. Accumulated errors, where
+    /// they are `estimated`, are more reliable than the velocity errors of the last steps.
     pub fn limits(&self, range: f64, estimated: bool) -> Option<QualityLimits> {
         let watched = |cause: Cause| self.violations[cause as usize].is_none();
         let limit = |watched: bool, limit: f64| if watched { limit } else { f64::INFINITY };
-        // After a warning of an unstable step only states that are not finite are news; after those nothing is.
+        // After a warning of an unstable step only states that are not finite are reported; after those nothing is.
         let finite = watched(Cause::NotFinite);
         let steps = finite && watched(Cause::Inaccurate) && !self.unstable_step_warned;
         let limits = QualityLimits {
@@ -244,4 +243,32 @@ impl fmt::Display for InaccurateStep {
             write!(f, "{} would do", OtherIntegrators { failed: integrator, stiff })
         }
     }
+}
+
+/// Advice of other integrators for a step that is too long: " or integrator 'ros2' or 'mk54'"; empty if neither would do.
+pub struct OtherIntegrators<'a> {
+    /// Integrator for which the step is too long.
+    pub failed: &'a str,
+    /// True where the cause is a fast mode. `ros2` lets it decay, but is less accurate in all else.
+    pub stiff: bool,
+}
+
+impl fmt::Display for OtherIntegrators<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = [("ros2", self.stiff), ("mk54", true)];
+        let others = known.into_iter().filter(|&(name, helps)| helps && name != self.failed);
+        for (k, (name, _)) in others.enumerate() {
+            write!(f, "{}'{name}'", if k == 0 { " or integrator " } else { " or " })?;
+        }
+        Ok(())
+    }
+}
+
+/// A number with three significant digits.
+pub fn digits(x: f64) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{x:.decimals$}")
 }

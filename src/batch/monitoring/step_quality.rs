@@ -2,11 +2,12 @@
 
 /// Maximum relative velocity error of the last steps that passes without a warning.
 pub const ERROR_LIMIT: f64 = 0.05;
-/// The same where companions follow all instances: their estimate of the error is better, but both may lose a fast motion alike.
+/// [`ERROR_LIMIT`] where companions follow all instances. Their estimate of the error is better, but misses a fast motion that
+/// instance and companion both damp out.
 pub const FOLLOWED_ERROR_LIMIT: f64 = 0.2;
 /// Maximum estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
 pub const ACCUMULATED_LIMIT: f64 = 0.02;
-/// Maximum estimate of it at which the leading order of a method holds.
+/// Maximum estimate of the accumulated error at which the leading order of a method dominates.
 pub const KNOWN_LIMIT: f64 = 0.1;
 
 /// Maximum; NaN where either number is.

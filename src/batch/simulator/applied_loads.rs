@@ -5,8 +5,7 @@ use nalgebra::Vector6;
 
 use super::Simulator;
 use crate::batch::stepping::equations_of_motion::StationServo;
-use crate::batch::storage::inputs::{CheckedInputs, Inputs};
-use crate::batch::storage::instance_loads::InstanceLoads;
+use crate::batch::storage::inputs::{CheckedInputs, Inputs, InstanceLoads};
 use crate::description::Joint;
 use crate::dynamics::Loads;
 use crate::dynamics::dense::actuator_torque;
@@ -25,8 +24,8 @@ pub struct AppliedLoads {
     pub external: Vec<Vector6<f64>>,
     /// Deflection per fin, rad.
     pub fins: Vec<f64>,
-    /// Torque of each joint's actuator, its servo included, within its effort, N m or N; that of the drive of a prescribed
-    /// joint.
+    /// Torque of each joint's actuator, its servo included, within its effort, N m or N; for a prescribed joint the torque of
+    /// its drive.
     pub joint_command: Vec<f64>,
     /// Acceleration of each prescribed joint, rad/s2 or m/s2; 0 for other joints.
     pub joint_acceleration: Vec<f64>,

@@ -2,11 +2,14 @@
 //!
 //! State: `[xi; dq; dV; dq'; dT]` with the pose `T exp(xi)`, the absolute body twist V and the thrusts of thrusters with dynamics.
 
+use nalgebra as na;
+
 use super::Simulator;
 use super::coordinates::{Argument, Coordinates, Product};
 use super::gradients::Gradients;
-use crate::batch::options::Precision;
-use crate::batch::stepping::blocks::Blocks;
+use super::states::orthonormalised;
+use crate::batch::options::{Precision, SimulatorOptions};
+use crate::batch::stepping::blocks::{Blocks, Storage};
 use crate::batch::stepping::derivative::Duals;
 use crate::batch::stepping::parameters::StepSettings;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
@@ -52,8 +55,8 @@ impl Simulator {
     }
 
     /// Jacobians of `substeps` steps under held inputs with respect to state, inputs and these parameters (indices into
-    /// [`Factors::NAMES`]). The simulator is not stepped. Those of a simulator in single precision are those of its step in double
-    /// precision, from its present state.
+    /// [`Factors::NAMES`]). The simulator is not stepped. In single precision: Jacobians of the step in double precision from the
+    /// present state.
     ///
     /// # Errors
     /// As [`Self::step`]; [`SimulatorError::DerivativeLanes`], [`SimulatorError::DerivativeIntegrator`], and
@@ -88,8 +91,8 @@ impl Simulator {
     }
 
     /// Product of a cotangent for each instance, `(N, size)`, with the Jacobian of [`Self::step_jacobians`]: the cotangents of the
-    /// arguments, `(N, sum of widths)`. By the adjoint of the step, in a few times its time. Its memory is that of a record of the
-    /// steps, for the instances of one set of lanes in each thread.
+    /// arguments, `(N, sum of widths)`. By the adjoint of the step, in a few times its time. Each thread records
+    /// the steps of the instances in one set of lanes.
     ///
     /// # Errors
     /// As [`Self::step_jacobians`].
@@ -142,6 +145,47 @@ impl Simulator {
             return Ok(blocks.pull_back(&settings, &inputs, &gradients, coordinates.width())?);
         }
         Ok(blocks.differentiate::<Duals>(&settings, &inputs, &coordinates, coordinates.width()))
+    }
+
+    /// A copy in double precision of a simulator in single precision, made on first use. It gets the present numbers of the
+    /// instances; rotations are made orthonormal.
+    pub(super) fn in_double_precision(&mut self) -> Result<&mut Self, SimulatorError> {
+        let mut double = match self.in_double.take() {
+            Some(double) => double,
+            None => {
+                let options = SimulatorOptions {
+                    precision: Precision::Double,
+                    threads: Some(self.threads),
+                    error_estimate: Some(false),
+                    ..self.options.clone()
+                };
+                let scenes = self.scenes().map(<[_]>::to_vec);
+                let mut double = Self::of(self.scene.clone(), scenes, &self.samples, options)?;
+                // No tolerance below the minimum of single precision.
+                double.integrator = self.integrator.at_ratio(1.0, 1.0, Precision::Single.epsilon());
+                Box::new(double)
+            }
+        };
+        let single = self.blocks::<f32>();
+        let layout = single.parts().0.clone();
+        let positions = (0..3).map(|k| [layout.position + k, layout.position + 3 + k]);
+        let sums = positions.chain((0..layout.rests).map(|k| [layout.q + k, layout.q_rest + k]));
+        for i in 0..double.instances() {
+            let mut column = single.column(i);
+            for [sum, rest] in sums.clone() {
+                column[sum] += std::mem::take(&mut column[rest]);
+            }
+            let rotation = &mut column[layout.rotation..][..9];
+            let orthonormal = orthonormalised(&na::Matrix3::from_row_slice(rotation));
+            rotation.copy_from_slice(orthonormal.transpose().as_slice());
+            column.drain(layout.q_rest..layout.q_rest + layout.rests);
+            double.storage.set_column(i, &column);
+        }
+        // Numbers of own scenes are in double precision already.
+        if double.own.is_none() {
+            double.blocks::<f64>().set_own_numbers(single);
+        }
+        Ok(self.in_double.insert(double))
     }
 }
 

@@ -3,12 +3,10 @@
 pub mod applied_loads;
 pub mod coordinates;
 pub mod derivatives;
-mod double_precision;
 pub mod error_estimate;
 mod gradients;
 mod instances;
 mod parameters;
-mod scenes;
 pub mod states;
 
 use crate::batch::monitoring::step_monitor::StepMonitor;
@@ -17,8 +15,7 @@ use crate::batch::stepping::blocks::{Blocks, Storage};
 use crate::batch::stepping::chunk::PhysicsChunk;
 use crate::batch::stepping::companion::Follow;
 use crate::batch::stepping::parameters::StepSettings;
-use crate::batch::storage::active_loads::ActiveLoads;
-use crate::batch::storage::inputs::{CheckedInputs, Inputs, check};
+use crate::batch::storage::inputs::{ActiveLoads, CheckedInputs, Inputs, check};
 use crate::batch::storage::own_scenes::OwnScenes;
 use crate::control::Allocation;
 use crate::description::Scene;
@@ -82,7 +79,7 @@ impl Simulator {
         Self::of(scene, None, &[], options)
     }
 
-    /// Each instance at its own scene's home. The scenes have the same structure: they differ in numbers alone, and no number is 0
+    /// Each instance at its own scene's home. The scenes have the same structure: they differ only in numbers, and no number is 0
     /// in one where its term is left out.
     ///
     /// # Errors
@@ -96,8 +93,8 @@ impl Simulator {
         }
     }
 
-    /// Instances whose numbers [`Self::set_own`] sets: those that differ between these samples, scenes of one structure. Until
-    /// then they are those of the first sample, in a simulator of `scene` otherwise.
+    /// Instances for [`Self::set_own`], which sets the numbers that differ between `samples`, scenes of one structure. Until then
+    /// all instances have the numbers of the first sample; all else is as in `scene`.
     pub(in crate::batch) fn with_samples(
         scene: Scene,
         samples: &[Compiled],
@@ -183,7 +180,7 @@ impl Simulator {
         &self.scene
     }
 
-    /// The options.
+    /// Options with which the simulator was made.
     pub fn options(&self) -> &SimulatorOptions {
         &self.options
     }
@@ -193,7 +190,7 @@ impl Simulator {
         &self.compiled
     }
 
-    /// The integrator.
+    /// Integrator by the name in the options, at their step and tolerance.
     pub fn integrator(&self) -> Integrator {
         self.integrator
     }
@@ -223,7 +220,7 @@ impl Simulator {
         self.threads
     }
 
-    /// Bytes of memory per instance; in single precision with those of a copy in double, once derivatives have been computed.
+    /// Bytes of memory per instance, including the copy in double precision that derivatives in single precision make.
     pub fn bytes_per_instance(&self) -> usize {
         let in_double = self.in_double.as_ref().map_or(0, |double| double.bytes_per_instance());
         self.storage.bytes_per_instance() + in_double
@@ -239,7 +236,7 @@ impl Simulator {
         self.storage.set_state(i, state);
     }
 
-    /// Quaternion of instance `i` as a quaternion integrator keeps it, not necessarily of unit length.
+    /// Quaternion of instance `i` in the state of a quaternion integrator, not necessarily of unit length.
     pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
         self.storage.attitude(i).filter(|_| self.integrator.attitude() == Attitude::Quaternion)
     }
@@ -257,7 +254,7 @@ impl Simulator {
     /// Relative velocity error of the last thirty steps or so of instance `i`: the sum of the velocity errors over the
     /// maximum speed, estimated for the methods of orders 2 to 4 from the differences between a step's stages (`ros2`:
     /// between its fine and its coarse result); or the error of spinning in ten seconds, if that is greater. One-stage
-    /// methods have the error of spinning alone; adaptive ones keep to a tolerance and have 0.
+    /// methods have only the error of spinning; adaptive ones have 0, as they control their error.
     pub fn step_error(&self, i: usize) -> f64 {
         self.storage.step_quality(i, self.options.dt).error
     }

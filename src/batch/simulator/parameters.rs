@@ -1,10 +1,11 @@
-//! Parameters of single instances: factors, closed form and linearization with them.
+//! Single instances: scene, factors, and the closed form and linearization with them.
 
 use std::borrow::Cow;
 
 use super::Simulator;
-use crate::batch::storage::inputs::{CheckedInputs, Inputs};
-use crate::batch::storage::instance_loads::InstanceLoads;
+use crate::batch::storage::inputs::{CheckedInputs, Inputs, InstanceLoads};
+use crate::control::Allocation;
+use crate::description::Scene;
 use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
 use crate::error::SimulatorError;
@@ -13,6 +14,26 @@ use crate::lie::Vector6;
 use crate::system::{Compiled, Factors, compile};
 
 impl Simulator {
+    /// Scenes of all instances, where they differ.
+    pub fn scenes(&self) -> Option<&[Scene]> {
+        self.own.as_ref().map(|own| own.scenes())
+    }
+
+    /// Scene of instance `i`.
+    pub fn scene_of(&self, i: usize) -> &Scene {
+        self.scenes().map_or(&self.scene, |scenes| &scenes[i])
+    }
+
+    /// Scene of instance `i`, compiled.
+    pub(super) fn compiled_of(&self, i: usize) -> Cow<'_, Compiled> {
+        self.scenes().map_or(Cow::Borrowed(&self.compiled), |scenes| Cow::Owned(compile(&scenes[i])))
+    }
+
+    /// Thruster allocation of instance `i`.
+    pub fn allocation_of(&self, i: usize) -> &Allocation {
+        self.own.as_ref().map_or(&self.allocation, |own| own.allocation(i))
+    }
+
     /// Factors on the parameters of instance `i`.
     pub fn factors(&self, i: usize) -> Factors<f64> {
         self.storage.factors(i)
@@ -45,7 +66,7 @@ impl Simulator {
         self.storage.set_factors(i, factors);
     }
 
-    /// Sets the numbers that instance `i` has of its own, of a simulator with samples, to those of a scene of their structure.
+    /// Sets the numbers that instance `i` has of its own, of a simulator with samples, to the numbers of a scene of their structure.
     pub(in crate::batch) fn set_own(&mut self, i: usize, compiled: &Compiled) {
         self.storage.set_own(i, compiled);
     }

@@ -14,7 +14,7 @@ pub struct States<'a> {
     pub position: Option<&'a [f64]>,
     /// Body to world rotation by rows, (N, 9).
     pub rotation: Option<&'a [f64]>,
-    /// The same as quaternions `[w, x, y, z]` of any length but 0, (N, 4).
+    /// Attitude as quaternions `[w, x, y, z]` of any length but 0, (N, 4).
     pub quaternion: Option<&'a [f64]>,
     /// Absolute body twist, (N, 6), m/s and rad/s.
     pub twist: Option<&'a [f64]>,
@@ -80,13 +80,13 @@ impl Simulator {
             return Err(SimulatorError::Weightless { scene: self.scene_of(instance).name.clone(), instance });
         }
         let rotations = self.rotations(states)?;
-        let moved = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
+        let sets_state = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
         for i in 0..self.instances() {
             let mut flow = self.flow(i);
             set(flow.velocity.as_mut_slice(), states.current, i);
             set(flow.acceleration.as_mut_slice(), states.current_acceleration, i);
             self.set_flow(i, flow);
-            if !moved {
+            if !sets_state {
                 continue;
             }
             let mut state = self.state(i);

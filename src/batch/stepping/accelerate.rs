@@ -1,11 +1,10 @@
 //! Kernel of accelerations without stepping.
 
-use super::instance_numbers::LoadNumbers;
 use super::step::shift_twist;
-use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
+use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
-use crate::batch::storage::own_numbers::OwnColumns;
+use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;

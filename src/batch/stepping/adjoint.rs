@@ -1,22 +1,22 @@
-//! Adjoint of steps: cotangents of state, inputs and parameters from those of the stepped state.
+//! Adjoint of steps: cotangents of state, inputs and parameters from cotangents of the stepped state. A name `of_x`, or `of`, is
+//! the cotangent of x: the derivative of the scalar by x.
 //!
-//! The steps of a column group are taken and recorded, then reversed. A record holds the start of each sub-interval and the rates of
-//! its stages, for the instances of one column group at a time; all else is computed again.
+//! The steps of a column group are taken and recorded, then reversed. The record has the start of each sub-interval and the
+//! rates of its stages, for one column group at a time; all else is computed again.
 
 use std::mem::ManuallyDrop;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::blocks::Blocks;
-use super::instance_numbers::LoadNumbers;
-use super::parameters::StepSettings;
+use super::derivative::{DerivativeColumn, StartColumn};
+use super::parameters::{ScratchPool, StepSettings};
 use super::reverse::ReverseMemory;
-use super::scratch_pool::ScratchPool;
 use super::step::Step;
 use super::threads::for_each;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
-use crate::batch::storage::table::Table;
+use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::error::OutOfMemory;
 use crate::lane::{Kernel, Lane, Real, Tape};
 use crate::limits::{interrupt, memory};
@@ -27,32 +27,6 @@ const COLUMNS: usize = f64::BLOCK;
 /// Recorded steps between two questions for an interrupt.
 const PORTION: usize = 1 << 12;
 
-/// An instance in rows of cotangents.
-pub struct CotangentColumn<'a> {
-    /// Layout of the rows, and the links' frames.
-    pub table: &'a Table,
-    /// Rows before the steps, with the inputs.
-    pub start: &'a [f64],
-    /// Rows after the steps.
-    pub end: &'a [f64],
-    /// Rows of cotangents.
-    pub cotangents: &'a mut [f64],
-    /// The instance's column.
-    pub column: usize,
-}
-
-impl CotangentColumn<'_> {
-    /// Number in a row of some of these rows.
-    pub fn get(&self, rows: &[f64], row: usize) -> f64 {
-        rows[row * COLUMNS + self.column]
-    }
-
-    /// Sets the cotangent of a row.
-    pub fn set(&mut self, row: usize, x: f64) {
-        self.cotangents[row * COLUMNS + self.column] = x;
-    }
-}
-
 /// Functions of the steps whose gradients are computed.
 pub trait Cotangents: Sync {
     /// True where gradients by factors on the bodies are among them.
@@ -61,14 +35,14 @@ pub trait Cotangents: Sync {
     fn payload(&self) -> bool;
     /// Sets the cotangents of the stepped state of instance `i`: of the rotation three, of delta in `R exp([delta])`, in its first
     /// rows.
-    fn seed(&self, i: usize, column: &mut CotangentColumn);
+    fn seed(&self, i: usize, column: &mut DerivativeColumn);
     /// Reads the gradient of instance `i` from the cotangents of state, inputs and factors.
-    fn read(&self, i: usize, column: &CotangentColumn, out: &mut [f64]);
+    fn read(&self, i: usize, column: &DerivativeColumn, out: &mut [f64]);
 }
 
 impl Blocks<f64> {
     /// Gradients of all instances under these inputs: `width` numbers of each. The instances are not stepped. Numbers after an
-    /// interrupt mean nothing.
+    /// interrupt are invalid.
     ///
     /// # Errors
     /// [`OutOfMemory`] if the record of the steps does not fit into memory.
@@ -100,7 +74,7 @@ impl Blocks<f64> {
         failure.into_inner().unwrap_or_else(PoisonError::into_inner).map(|()| out)
     }
 
-    /// The same of one block, whose rows hold the inputs.
+    /// Gradients of one block, whose rows have the inputs.
     fn pull_back_block(
         &self,
         settings: &StepSettings,
@@ -138,7 +112,8 @@ impl Blocks<f64> {
         let seed = |of: &mut [f64], end: &[f64], columns: Range<usize>| {
             for column in columns {
                 let i = block * COLUMNS + column;
-                cotangents.seed(i, &mut CotangentColumn { table, start, end, cotangents: of, column });
+                let start = StartColumn { table, rows: start, column };
+                cotangents.seed(i, &mut DerivativeColumn { start, values: end, derivatives: of, column });
             }
         };
         let (factors, pool) = (cotangents.factors(), &scene.adjoint_pools[2]);
@@ -147,14 +122,15 @@ impl Blocks<f64> {
         f64::dispatch_fused(self.isa, &mut kernel);
         kernel.failure?;
         for (column, out) in out.chunks_exact_mut(width).enumerate() {
-            let column = CotangentColumn { table, start, end: &rows, cotangents: &mut of, column };
-            cotangents.read(block * COLUMNS + column.column, &column, out);
+            let start = StartColumn { table, rows: start, column };
+            let found = DerivativeColumn { start, values: &rows, derivatives: &mut of, column };
+            cotangents.read(block * COLUMNS + column, &found, out);
         }
         Ok(())
     }
 }
 
-/// Function that sets the cotangents of the stepped states, by those and the states, in these columns.
+/// Function of cotangents, stepped states and columns that sets the cotangents of the stepped states in these columns.
 type Seed<'s> = dyn Fn(&mut [f64], &[f64], Range<usize>) + 's;
 
 /// Kernel of the adjoint of a block. (Not generic: it takes a minute to compile.)

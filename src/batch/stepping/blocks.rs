@@ -30,7 +30,7 @@ pub trait Storage: Send + Sync {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Attitude coordinates of instance `i`, where the integrator keeps any besides the rotation matrix.
+    /// Attitude coordinates of instance `i`, where the integrator has any besides the rotation matrix.
     fn attitude(&self, i: usize) -> Option<[f64; 4]>;
     /// Sets these coordinates.
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
@@ -50,7 +50,7 @@ pub trait Storage: Send + Sync {
     fn companion(&self, i: usize) -> Option<(State, f64)>;
     /// True where all instances are followed by companions.
     fn follows_all(&self) -> bool;
-    /// Sets the numbers that instance `i` has of its own: those of a scene of the same structure.
+    /// Sets the numbers that instance `i` has of its own, from a scene of the same structure.
     fn set_own(&mut self, i: usize, compiled: &Compiled);
     /// Every number of instance `i`, for saving.
     fn column(&self, i: usize) -> Vec<f64>;
@@ -120,7 +120,7 @@ impl<T: Real> Blocks<T> {
         let table = Table { layout, links };
         let scaled = vec![None; instances.div_ceil(CHUNK)];
         let mut blocks = Self { scene, table, isa, instances, rows, own, scaled, companions: None };
-        // Columns past the last instance hold a valid state too: lanes that reach past it step them.
+        // Columns past the last instance need a valid state: lanes that reach past it step them too.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
@@ -141,13 +141,13 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// The companions, and those of the chunk of instance `i`, which is number `k` there.
+    /// Scene of the companions, companions of the chunk of instance `i`, and the index of the instance in the chunk.
     fn companions_of(&mut self, i: usize) -> Option<(&CompanionScene, &mut ChunkCompanions, usize)> {
         let companions = self.companions.as_mut()?;
         Some((&companions.scene, companions.chunks.get_mut(i / CHUNK)?, i % CHUNK))
     }
 
-    /// Calls `work` on each chunk with its item, on as many threads as the settings allow, and on no more after an interrupt;
+    /// Calls `work` on each chunk with its item, on the threads that the settings allow, until an interrupt;
     /// violations of the settings' limits.
     pub fn for_each_chunk<I: Send>(
         &mut self,
@@ -202,7 +202,7 @@ impl<T: Real> Blocks<T> {
 }
 
 impl Blocks<f64> {
-    /// Sets the numbers that instances have of their own to those of blocks in single precision, of the same samples.
+    /// Copies the numbers that instances have of their own from blocks in single precision, of the same samples.
     pub fn set_own_numbers(&mut self, single: &Blocks<f32>) {
         if let (Some(own), Some(single)) = (&mut self.own, &single.own) {
             own.set_all(single);

@@ -45,7 +45,7 @@ impl<T: Real> PhysicsChunk<'_, T> {
         }
     }
 
-    /// Sets the velocities alone of instance `k` of the chunk to those of a state; a companion gains the same change.
+    /// Sets the velocities of instance `k` of the chunk; its companion gains the same change.
     pub fn set_velocities(&mut self, k: usize, state: &State) {
         if let Some((scene, companions)) = &mut self.companions {
             companions.change_velocities(scene, k, &self.table.state(self.rows, k), state);
@@ -53,7 +53,7 @@ impl<T: Real> PhysicsChunk<'_, T> {
         self.table.set_velocities(self.rows, k, state);
     }
 
-    /// Sets the numbers that instance `k` of the chunk has of its own: those of a scene of the same structure.
+    /// Sets the numbers that instance `k` of the chunk has of its own, from a scene of the same structure.
     pub fn set_own(&mut self, k: usize, compiled: &Compiled) {
         self.table.set_fins(self.rows, k, &compiled.system.deflections());
         if let Some((layout, rows)) = &mut self.own {

@@ -1,10 +1,10 @@
 //! Companions: the motions of instances at half the step in double precision, whose differences are the errors.
 //!
-//! A companion follows an instance from the same state under the same inputs. With a method of order p it has `2^-p` of the
-//! error, to leading order and however the errors of the steps add up `[HNW93 sec. II.4]`: the error of the instance is the
-//! difference over `1 - 2^-p`. Kinks of the forces leave any method order 2: the divisor is a geometric mean of that of order
-//! p, twice, and that of order 2. It is near 1, so that the difference is an error beyond the leading order too, and rounding
-//! in single precision is part of it.
+//! A companion starts in the state of its instance and gets the same inputs. Errors at steps h and h / 2 have the ratio 1 : `2^-p`
+//! for a method of order p, to leading order, however the errors of the steps add up `[HNW93 sec. II.4]`: the error of the
+//! instance is the difference over `1 - 2^-p`. At kinks of the forces any method has order 2. The divisor is therefore the
+//! geometric mean of the divisor of order p, counted twice, and that of order 2. As it is near 1, the difference estimates errors
+//! beyond the leading order too. In single precision rounding is part of it.
 
 use std::any::Any;
 
@@ -19,17 +19,17 @@ use crate::integrate::Integrator;
 use crate::lane::{Isa, Real};
 use crate::system::{Compiled, Factors, Flow, JOINTS, State};
 
-/// Steps of an instance between two looks at the scales of its motion.
+/// Steps of an instance between two updates of the scales of its motion.
 const SEGMENT: usize = 8;
-/// Number of instances up to which all are followed; of more, as many of a chunk at a time: a group of lanes.
+/// Maximum number of instances of which all are followed; of more instances this number per chunk is, in turns.
 const FEW: usize = f64::BLOCK;
 /// Time for which instances are followed where they take turns, s.
 const WINDOW: f64 = 20.0;
 /// Share of a chunk's steps that following may take on average.
 const SHARE: f64 = 0.01;
-/// Cost of following a group of instances, in motions of one instance in double and in single precision; and that of a call, in
-/// steps.
+/// Cost of following a group of instances, in motions of one instance in double and in single precision.
 const COST: [f64; 2] = [2.0 * FEW as f64, 4.0 * FEW as f64];
+/// Cost of a call, in steps.
 const CALL: f64 = 3.0;
 
 /// Instances that companions follow.
@@ -65,7 +65,7 @@ pub struct CompanionScene {
     parameters: Option<Box<Parameters<f64>>>,
     /// Rows of the loads: of the instance, and of the companion.
     loads: Vec<[usize; 2]>,
-    /// The same of what the integrator keeps besides the state.
+    /// Rows of the integrator's memory besides the state: of the instance, and of the companion.
     memory: Vec<[usize; 2]>,
     isa: Isa,
     /// Cost of following a group, in motions of one instance.
@@ -112,7 +112,7 @@ pub struct ChunkCompanions {
 }
 
 impl CompanionScene {
-    /// Companions of the instances of a compiled scene; `parameters` are those of the instances.
+    /// Companions of the instances of a compiled scene.
     pub fn new<T: Real>(
         follow: Follow,
         compiled: &Compiled,
@@ -197,7 +197,7 @@ impl ChunkCompanions {
         }
     }
 
-    /// Instance `i` changes from one state to another. Its companion takes the parts that differ; it begins anew where it keeps no
+    /// Sets the parts of the companion of instance `i` in which two states of the instance differ; it begins anew where it keeps no
     /// error in another part.
     pub fn change_state(&mut self, scene: &CompanionScene, i: usize, from: &State, to: &State) {
         let Some(column) = self.column(i) else { return };
@@ -223,7 +223,7 @@ impl ChunkCompanions {
         }
     }
 
-    /// The companion of instance `i` takes its numbers before the next step: all of them, and those of its own.
+    /// Lets the companion of instance `i` copy all numbers of the instance before the next step.
     pub fn restart(&mut self, i: usize) {
         if let Some(column) = self.column(i) {
             self.tracks[column].stage = Stage::Fresh;
@@ -237,7 +237,7 @@ impl ChunkCompanions {
         }
     }
 
-    /// Velocities of the companion of instance `i` change as those of the instance do.
+    /// Changes the velocities of the companion of instance `i` as the velocities of the instance change.
     pub fn change_velocities(&mut self, scene: &CompanionScene, i: usize, from: &State, to: &State) {
         let Some(column) = self.column(i) else { return };
         let mut state = scene.table.state(&self.rows, column);
@@ -285,8 +285,8 @@ impl ChunkCompanions {
                 layout.copy(own, i, &mut self.own, column);
             }
         }
-        // Lanes halve a step at half the rotation, and tolerances are as much tighter: both motions would take the same
-        // sub-intervals otherwise. Rounding bounds tolerances from below: those of both have to differ.
+        // Half the maximum rotation of a sub-interval, and a tighter tolerance: otherwise both motions would take the same
+        // sub-intervals. The minimum tolerance by rounding must differ as well.
         let order = integrator.order() as i32;
         let integrator = integrator.at_ratio(0.5, 0.5_f64.powi(order), T::EPSILON).resolving_bounces();
         let (mut done, end) = (before, before + substeps);
@@ -349,7 +349,7 @@ impl ChunkCompanions {
         }
     }
 
-    /// All numbers of the companion of instance `i`, as many as [`CompanionScene::saved`].
+    /// All numbers of the companion of instance `i`; their count is [`CompanionScene::saved`].
     pub fn save(&self, scene: &CompanionScene, i: usize) -> Vec<f64> {
         let track = &self.tracks[i];
         let stage = if track.stage == Stage::Follows { 1.0 } else { 0.0 };

@@ -1,18 +1,18 @@
 //! Derivatives of steps: the kernel of the steps over dual numbers.
 //!
-//! A dual block holds a block of values and behind it a block of slopes, in the same rows. Each of its columns is one instance
-//! along one direction: rows of state, loads and factors have the slopes of that direction at first, and those of the state have
-//! the derivatives of the stepped state in the end. Columns do not influence each other, as those of the steps.
+//! A dual block is a block of values followed by a block of slopes, in the same rows. Each of its columns is one instance along
+//! one direction: before the steps, slopes of state, loads and factors are the direction; afterwards, slopes of the state are the
+//! derivatives of the stepped state. Columns do not influence each other.
 
 use std::mem::ManuallyDrop;
 
 use super::blocks::Blocks;
-use super::instance_numbers::LoadNumbers;
 use super::parameters::StepSettings;
 use super::step::Step;
 use super::threads::for_each;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
+use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::batch::storage::table::Table;
 use crate::lane::{Dual, Kernel, Lane, Real};
 use crate::limits::interrupt;
@@ -22,48 +22,55 @@ const COLUMNS: usize = f64::BLOCK;
 /// Steps of a block's columns between two questions for an interrupt: some tens of milliseconds.
 const PORTION: usize = 1 << 12;
 
-/// A column of a dual block: an instance along a direction.
-pub struct DualColumn<'a> {
+/// An instance in rows before the steps.
+#[derive(Clone, Copy)]
+pub struct StartColumn<'a> {
     /// Layout of the rows, and the links' frames.
     pub table: &'a Table,
-    values: &'a [f64],
-    slopes: &'a mut [f64],
-    column: usize,
-    /// Rows of the instances before the steps, and the instance's column among them.
-    start: (&'a [f64], usize),
+    /// Rows with the inputs.
+    pub rows: &'a [f64],
+    /// Column of the instance.
+    pub column: usize,
 }
 
-impl DualColumn<'_> {
-    /// Value in a row before the steps.
-    pub fn start(&self, row: usize) -> f64 {
-        self.start.0[row * COLUMNS + self.start.1]
-    }
-
-    /// Slope in a row.
-    pub fn slope(&self, row: usize) -> f64 {
-        self.slopes[row * COLUMNS + self.column]
+impl StartColumn<'_> {
+    /// Number in a row.
+    pub fn get(&self, row: usize) -> f64 {
+        self.rows[row * COLUMNS + self.column]
     }
 }
 
-/// Slopes of the rows of an instance.
-pub trait Slopes<'a> {
-    /// Layout of the rows, and the links' frames.
-    fn table(&self) -> &'a Table;
+/// An instance in rows of values and of derivatives: slopes along a direction, or cotangents.
+pub struct DerivativeColumn<'a> {
+    /// The instance before the steps.
+    pub start: StartColumn<'a>,
+    /// Rows of the values: to read results, after the steps.
+    pub values: &'a [f64],
+    /// Rows of the derivatives.
+    pub derivatives: &'a mut [f64],
+    /// Column of the instance in both.
+    pub column: usize,
+}
+
+impl DerivativeColumn<'_> {
     /// Value in a row.
-    fn value(&self, row: usize) -> f64;
-    /// Adds to the slope in a row.
-    fn add_slope(&mut self, row: usize, slope: f64);
-}
-
-impl<'a> Slopes<'a> for DualColumn<'a> {
-    fn table(&self) -> &'a Table {
-        self.table
-    }
-    fn value(&self, row: usize) -> f64 {
+    pub fn value(&self, row: usize) -> f64 {
         self.values[row * COLUMNS + self.column]
     }
-    fn add_slope(&mut self, row: usize, slope: f64) {
-        self.slopes[row * COLUMNS + self.column] += slope;
+
+    /// Derivative in a row.
+    pub fn derivative(&self, row: usize) -> f64 {
+        self.derivatives[row * COLUMNS + self.column]
+    }
+
+    /// Adds to the derivative in a row.
+    pub fn add(&mut self, row: usize, x: f64) {
+        self.derivatives[row * COLUMNS + self.column] += x;
+    }
+
+    /// Sets the derivative in a row.
+    pub fn set(&mut self, row: usize, x: f64) {
+        self.derivatives[row * COLUMNS + self.column] = x;
     }
 }
 
@@ -74,9 +81,9 @@ pub trait Directions: Sync {
     /// True where one changes payloads.
     fn payload(&self) -> bool;
     /// Adds the slopes of direction `k` of instance `i`.
-    fn seed(&self, i: usize, k: usize, column: &mut DualColumn);
+    fn seed(&self, i: usize, k: usize, column: &mut DerivativeColumn);
     /// Reads the derivatives of the steps of an instance along its direction `k` into the numbers of the instance.
-    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]);
+    fn read(&self, k: usize, column: &DerivativeColumn, out: &mut [f64]);
 }
 
 /// Numbers of a dual block: pairs of a number in its first half and one in its second.
@@ -96,7 +103,7 @@ impl Pairs for Duals {
 
 impl Blocks<f64> {
     /// Derivatives of the steps of all instances under these inputs, along all directions: `width` numbers of each instance. The
-    /// instances are not stepped. Numbers after an interrupt mean nothing.
+    /// instances are not stepped. Numbers after an interrupt are invalid.
     pub fn differentiate<N: Pairs>(
         &self,
         settings: &StepSettings,
@@ -121,7 +128,7 @@ impl Blocks<f64> {
         out
     }
 
-    /// The same of one block, whose rows hold the inputs.
+    /// Derivatives of one block, whose rows have the inputs.
     fn differentiate_block<N: Pairs>(
         &self,
         settings: &StepSettings,
@@ -138,7 +145,7 @@ impl Blocks<f64> {
         let own_rows = self.own.as_ref().map(|own| (own.layout(), own.columns().block(block)));
         let mut own = own_rows.map_or(Vec::new(), |(_, rows)| vec![0.0; rows.len()]);
         let mut dual = vec![0.0; 2 * rows.len()];
-        // Pairs of an instance and a direction, as many at a time as there are columns; the last pair fills up the last ones.
+        // Pairs of an instance and a direction fill the columns; the last pair is repeated in columns that are left.
         let pairs = members * count;
         for pair in (0..pairs).step_by(COLUMNS) {
             let filled = COLUMNS.min(pairs - pair);
@@ -147,8 +154,9 @@ impl Blocks<f64> {
             gather(rows, &instances, values);
             slopes.fill(0.0);
             for column in 0..filled {
-                let (i, start) = (block * COLUMNS + instances[column], (rows, instances[column]));
-                directions.seed(i, (pair + column) % count, &mut DualColumn { table, values, slopes, column, start });
+                let (i, k) = (block * COLUMNS + instances[column], (pair + column) % count);
+                let start = StartColumn { table, rows, column: instances[column] };
+                directions.seed(i, k, &mut DerivativeColumn { start, values, derivatives: slopes, column });
             }
             if let Some((_, rows)) = own_rows {
                 gather(rows, &instances, &mut own);
@@ -172,7 +180,7 @@ impl Blocks<f64> {
                 count: filled,
                 blocks: &mut [],
             };
-            // The portions make no difference to the result, as those of the steps.
+            // The portions make no difference to the result.
             let end = settings.before + settings.substeps;
             while step.before < end {
                 step.substeps = PORTION.min(end - step.before);
@@ -184,9 +192,9 @@ impl Blocks<f64> {
             }
             let (values, slopes) = dual.split_at_mut(rows.len());
             for column in 0..filled {
-                let (out, start) = (&mut out[instances[column] * width..][..width], (rows, instances[column]));
-                let k = (pair + column) % count;
-                directions.read(k, &DualColumn { table, values, slopes, column, start }, out);
+                let (out, k) = (&mut out[instances[column] * width..][..width], (pair + column) % count);
+                let start = StartColumn { table, rows, column: instances[column] };
+                directions.read(k, &DerivativeColumn { start, values, derivatives: slopes, column }, out);
             }
         }
     }

@@ -153,8 +153,8 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.reload_system();
-        let mut whole = [L::zero(); JOINTS];
-        let q = self.joints.whole(q, system.chain().len(), &mut whole);
+        let mut sums = [L::zero(); JOINTS];
+        let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
@@ -172,8 +172,8 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.reload_system();
-        let mut whole = [L::zero(); JOINTS];
-        let q = self.joints.whole(q, system.chain().len(), &mut whole);
+        let mut sums = [L::zero(); JOINTS];
+        let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;

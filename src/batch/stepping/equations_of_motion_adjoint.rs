@@ -56,7 +56,7 @@ impl<L: Lane> InputCotangents<L> {
 }
 
 impl<L: Lane> StationServo<L> {
-    /// Cotangents of the pose and of the twist from that of [`StationServo::wrench`]; adds those of the target.
+    /// Reverse of [`StationServo::wrench`]: returns the cotangents of pose and twist, adds to the cotangents of the target.
     #[inline(always)]
     fn wrench_adjoint(
         &self,

@@ -1,4 +1,4 @@
-//! Joint coordinates over many steps: compensated sums in single precision, and those of prescribed joints.
+//! Joint coordinates over many steps: compensated sums in single precision, and prescribed joints.
 
 use std::hint::cold_path;
 
@@ -9,7 +9,7 @@ use crate::integrate::Motion;
 use crate::lane::{Lane, Real};
 use crate::system::{JOINTS, System};
 
-/// Sums of the joints' increments. In single precision a step integrates the increments alone, from 0: a coordinate of many
+/// Sums of the joints' increments. In single precision a step integrates only the increments, from 0: a coordinate of many
 /// turns would round each of them. In double precision it integrates the coordinates, and nothing here is used.
 #[derive(Debug, Clone)]
 pub struct JointSums<L> {
@@ -48,9 +48,9 @@ impl<L: Lane> JointSums<L> {
         }
     }
 
-    /// Coordinates of a stage from those that the integrator has.
+    /// Joint coordinates of a stage: the sums plus the integrator's increments `q`.
     #[inline(always)]
-    pub fn whole<'a>(&self, q: &'a [L; JOINTS], n: usize, memory: &'a mut [L; JOINTS]) -> &'a [L; JOINTS] {
+    pub fn coordinates<'a>(&self, q: &'a [L; JOINTS], n: usize, memory: &'a mut [L; JOINTS]) -> &'a [L; JOINTS] {
         if <L::Real as Real>::SINGLE {
             for k in 0..n {
                 memory[k] = self.base[k] + q[k];

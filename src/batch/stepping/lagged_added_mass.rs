@@ -10,8 +10,8 @@
 //! `M_A / m < 2 / alpha - 1`.
 
 use super::equations_of_motion::EquationsOfMotion;
-use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
+use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::link_twists;
 use crate::integrate::Motion;

@@ -8,12 +8,10 @@ pub mod companion;
 pub mod derivative;
 pub mod equations_of_motion;
 mod equations_of_motion_adjoint;
-mod instance_numbers;
 mod joint_coordinates;
 mod lagged_added_mass;
 pub mod parameters;
 mod reverse;
-mod scratch_pool;
 #[allow(unsafe_code)]
 pub mod step;
 pub mod threads;

@@ -1,9 +1,11 @@
 //! Parameters of the kernels that step, settings of a call, and the steps of some blocks.
 
-use super::scratch_pool::ScratchPool;
+use std::any::Any;
+use std::sync::Mutex;
+
 use super::step::{Step, StepScaled};
 use crate::batch::monitoring::step_quality::QualityLimits;
-use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::OwnColumns;
 use crate::integrate::Integrator;
@@ -13,7 +15,7 @@ use crate::system::{Compiled, Factors, System, UnscaledBodyTerms};
 /// Settings of a call that steps.
 #[derive(Debug, Clone, Copy)]
 pub struct StepSettings {
-    /// Integrator.
+    /// Integrator of each step.
     pub integrator: Integrator,
     /// Step size, s.
     pub h: f64,
@@ -31,11 +33,43 @@ pub struct StepSettings {
     pub limits: Option<QualityLimits>,
 }
 
+/// Pool of scratch buffers that are not in use. Allocating them for every few blocks, or for every call of a single instance,
+/// would take a measurable time. A caller that finds the pool locked allocates its own. Buffers have the numbers of their last
+/// user: write before reading.
+#[derive(Debug, Default)]
+pub struct ScratchPool(Mutex<Vec<Box<dyn Any + Send>>>);
+
+impl ScratchPool {
+    /// Maximum number of buffers in the pool; with more threads some allocate theirs anew.
+    const MOST: usize = 64;
+
+    /// A buffer of this type, if there is one.
+    pub fn take<M: Any>(&self) -> Option<Box<M>> {
+        self.0.try_lock().ok()?.pop()?.downcast().ok()
+    }
+
+    /// Returns a buffer.
+    pub fn put<M: Any + Send>(&self, buffer: Box<M>) {
+        if let Ok(mut buffers) = self.0.try_lock()
+            && buffers.len() < Self::MOST
+        {
+            buffers.push(buffer);
+        }
+    }
+}
+
+/// A copy is empty.
+impl Clone for ScratchPool {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 /// Parameters of the scene, and pools of memory for its kernels.
 #[derive(Clone)]
 pub struct Parameters<T> {
     pub system: System<Shared<T>>,
-    /// The same in scalars.
+    /// The system in scalars.
     pub scalar_system: System<T>,
     pub unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
     /// Attachment point of payloads, m.
@@ -44,11 +78,11 @@ pub struct Parameters<T> {
     pub scratch_pool: ScratchPool,
     /// Memory for systems with parameters per instance.
     pub system_pool: ScratchPool,
-    /// Both of dual numbers.
+    /// Scratch memory of steps in dual numbers.
     pub dual_scratch_pool: ScratchPool,
-    /// See `dual_scratch_pool`.
+    /// Memory for systems in dual numbers.
     pub dual_system_pool: ScratchPool,
-    /// Both of the adjoint, and its own memory.
+    /// Memory of the adjoint: of its steps, of its systems, and its own.
     pub adjoint_pools: [ScratchPool; 3],
     /// The system without added mass, and the filter's weight, where added mass is a lagged force.
     pub rigid: Option<(System<Shared<T>>, f64)>,
@@ -89,7 +123,7 @@ pub struct Advance<'a, T> {
     pub own: Option<OwnColumns<'a, T>>,
     /// Any instance has a factor other than 1, any has a payload.
     pub scaled: [bool; 2],
-    /// Integrator.
+    /// Integrator of each step.
     pub integrator: Integrator,
     /// Step size, s.
     pub h: f64,

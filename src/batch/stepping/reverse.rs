@@ -1,4 +1,5 @@
-//! Reverse of recorded steps: from the cotangents of the state after them to those of the state before, inputs and parameters.
+//! Reverse of recorded steps: from cotangents of the state after the steps to cotangents of the state before, inputs and
+//! parameters. `of_x`, or `of`, is the cotangent of x.
 
 use super::equations_of_motion::EquationsOfMotion;
 use super::equations_of_motion_adjoint::{EquationsAdjoint, InputCotangents};
@@ -101,7 +102,7 @@ impl<L: Lane> Routine<L> for ImplicitReverse<'_, '_, '_, L> {
     }
 }
 
-/// Cotangent of a rotation from that of `R^T x`.
+/// Cotangent of a rotation from the cotangent `of` of `R^T x`.
 #[inline(always)]
 fn turn_of<L: Lane>(rotation: &Matrix3<L>, x: Vector3<L>, of: Vector3<L>) -> Vector3<L> {
     of.cross(rotation.apply_transposed(x))
@@ -115,7 +116,7 @@ fn set_rotation<L: Lane>(of: &mut Columns<L::Real>, row: usize, rotation: &Matri
     }
 }
 
-/// Joints that are prescribed follow their targets: their cotangents become those of the targets.
+/// Prescribed joints follow their targets: adds their cotangents to those of the targets.
 #[inline(always)]
 fn prescribe_adjoint<L: Lane>(
     system: &System<L>,
@@ -135,8 +136,9 @@ fn prescribe_adjoint<L: Lane>(
 }
 
 impl<T: Real> Step<'_, T> {
-    /// Reverses recorded steps. `columns` hold the numbers after the steps; `of` hold the cotangents of the state and receive those of
-    /// state, loads and factors before, in the same rows. Factors of the bodies have some where `of_factors` holds.
+    /// Reverses recorded steps. `columns` has the numbers after the steps. `of_columns` has the cotangents of the state after the
+    /// steps, and receives the cotangents of state, loads and factors before, in the same rows; of factors on bodies only if
+    /// `of_factors`.
     #[inline(always)]
     pub(super) fn reverse_group<L: Lane<Real = T>>(
         &self,
@@ -149,6 +151,7 @@ impl<T: Real> Step<'_, T> {
         let (layout, system) = (self.layout, &instances.system);
         let n = system.chain().len();
         let h = L::splat(self.h);
+        // State after the steps, and loads.
         let mut ends = Motion::blank();
         columns.place::<_, false>(layout, &mut ends);
         let mut rotation = ends.pose.rotation;
@@ -181,6 +184,7 @@ impl<T: Real> Step<'_, T> {
         if !system.fins.is_empty() {
             columns.surfaces(layout, &system.fins, surfaces);
         }
+        // Cotangents of the state after the steps; all others begin at zero.
         *of = InputCotangents::zero();
         *of_thrusters = ThrusterCotangents::zero();
         *of_motion = MotionCotangents::zero();
@@ -194,6 +198,7 @@ impl<T: Real> Step<'_, T> {
         }
         let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
         prescribe_adjoint(system, loads, end, of_motion, &mut of.loads);
+        // Right-hand side, as in the steps.
         let mut equations = EquationsOfMotion {
             system,
             loads,
@@ -213,13 +218,15 @@ impl<T: Real> Step<'_, T> {
             if k % PORTION == PORTION - 1 && interrupted() {
                 return;
             }
-            let held = (of_motion.position, of_motion.turn);
+            // The end of the step: a fixed vehicle stays, another takes the drift of the water.
+            let of_fixed_pose = (of_motion.position, of_motion.turn);
             if system.fixed {
                 of_motion.twist = Vector6::zero();
                 (of_motion.position, of_motion.turn) = (Vector3::zero(), Vector3::zero());
             } else {
                 of_motion.turn = of_motion.turn + turn_of(&rotation, current, of_motion.twist.linear);
             }
+            // Water, time and thrusts at the start of the step.
             current = current - gained;
             equations.set_current(current);
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
@@ -229,11 +236,13 @@ impl<T: Real> Step<'_, T> {
                 propulsion.thrust = thrusts;
                 propulsion.step_courses(thrusters.len(), courses);
             } else if !thrusters.is_empty() {
+                // The course enters the wrench linearly: its value is not needed.
                 let course = ThrusterDynamics::blank().step(&thrusters[..0]);
                 equations.thrust = Some((course, over_h));
             }
             of.course = [Vector6::zero(); 3];
             of.thrusts = ThrustCotangents::zero();
+            // Sub-intervals, the last one first.
             let count = record.sub_intervals.pop().unwrap_or(0);
             for _ in 0..count {
                 let equations = &mut EquationsAdjoint {
@@ -257,18 +266,20 @@ impl<T: Real> Step<'_, T> {
                     }
                 }
             }
+            // The start of the step: thrusters, water and prescribed joints.
             rotation = ends.pose.rotation;
             if !thrusters.is_empty() {
                 propulsion.step_adjoint(thrusters, &thrusts, of.course, &of.thrusts, of_thrusters);
             }
             of_motion.turn = of_motion.turn - turn_of(&rotation, current, of_motion.twist.linear);
             if system.fixed {
-                of_motion.position = of_motion.position + held.0;
-                of_motion.turn = of_motion.turn + held.1;
+                of_motion.position = of_motion.position + of_fixed_pose.0;
+                of_motion.turn = of_motion.turn + of_fixed_pose.1;
                 of_motion.twist = Vector6::zero();
             }
             prescribe_adjoint(system, equations.loads, equations.time, of_motion, &mut of.loads);
         }
+        // Commands, thrusts, and their factors.
         let EquationsOfMotion { loads, station, .. } = equations;
         if !thrusters.is_empty() {
             let factors = columns.factors(layout);
@@ -292,11 +303,13 @@ impl<T: Real> Step<'_, T> {
             let of_fins = surfaces.deflect_adjoint(&of.surfaces, layout.fins);
             of_columns.set_all(layout.fin, &of_fins, layout.fins);
         }
+        // State before the steps.
         set_rotation(of_columns, layout.rotation, &rotation, of_motion.turn);
         of_columns.set_all(layout.position, &of_motion.position.0, 3);
         of_columns.set_all(layout.twist, &of_motion.twist.to_array(), 6);
         of_columns.set_all(layout.q, &of_motion.q, n);
         of_columns.set_all(layout.qd, &of_motion.qd, n);
+        // Loads, factors, and the target of the vehicle's servo.
         of_columns.set_all(layout.wrench, &of.wrench.to_array(), 6);
         of_columns.set_all(layout.torque, &of.loads.torque, n);
         for k in 0..n {

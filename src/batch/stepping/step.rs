@@ -5,14 +5,13 @@ use std::mem::ManuallyDrop;
 use std::slice::ChunksExactMut;
 
 use super::equations_of_motion::EquationsOfMotion;
-use super::instance_numbers::LoadNumbers;
 use super::joint_coordinates::JointSums;
 use super::lagged_added_mass::{LagState, LaggedAddedMass};
-use super::scratch_pool::ScratchPool;
-use crate::batch::storage::active_loads::ActiveLoads;
+use super::parameters::ScratchPool;
 use crate::batch::storage::columns::Columns;
+use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
-use crate::batch::storage::own_numbers::OwnColumns;
+use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrustCourses, ThrusterDynamics};
 use crate::integrate::{
@@ -42,7 +41,7 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
 pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
-    /// The same in scalars, made beforehand: [`System::allocate_scaled`] takes long for a single instance.
+    /// The system in scalars, made beforehand: [`System::allocate_scaled`] takes long for a single instance.
     pub scalar_system: Option<&'a System<T>>,
     /// Unscaled terms of its bodies.
     pub unscaled: &'a [UnscaledBodyTerms<Shared<T>>],
@@ -60,7 +59,7 @@ pub struct Step<'a, T> {
     pub lag_filter: Option<f64>,
     /// Rows of a block.
     pub layout: &'a Layout,
-    /// Integrator.
+    /// Integrator of each step.
     pub integrator: Integrator,
     /// Step size, s.
     pub h: T,
@@ -125,7 +124,7 @@ struct ExplicitStep<'a, 'b, L: Lane, P, R> {
     recorder: &'a mut R,
 }
 
-/// The same, with the terms of baseline methods where `BASELINES` holds.
+/// Kernel of the steps, with the terms of baseline methods if `BASELINES`.
 struct WithBaselines<'a, S, const BASELINES: bool>(&'a mut S);
 
 impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool> Routine<L>
@@ -179,7 +178,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
 }
 
 /// Kernel that steps blocks of instances in wide lanes with parameters that differ between instances, or by a baseline
-/// method. (A kernel by itself: where one function holds both ways, the common one takes a twelfth longer.)
+/// method. (A kernel by itself: with both ways in one function, the common one takes a twelfth longer.)
 pub struct StepScaled<'s, 'a, T>(pub &'s mut Step<'a, T>);
 
 impl<T: Real> Kernel<T> for StepScaled<'_, '_, T> {
@@ -197,8 +196,8 @@ impl<'a, T: Real> Step<'a, T> {
         std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1))
     }
 
-    /// Steps each column group with the parameters of its instances, or those of all where they share them. (In scalar lanes
-    /// both are one number: no code for either alone.)
+    /// Steps each column group with the parameters of its instances, or with shared parameters. (In scalar lanes both are
+    /// one number, so that one code serves both.)
     #[inline(always)]
     fn step_scaled<L: Lane<Real = T>>(&mut self) {
         let shared: Option<&System<L>> = match (self.scaled, self.scalar_system) {
@@ -279,7 +278,7 @@ impl<'a, T: Real> Step<'a, T> {
     }
 
     /// Steps the instances of one column group. Terms of baseline methods, with the `unscaled` terms of the bodies, are compiled
-    /// where `BASELINES` holds.
+    /// if `BASELINES`.
     #[inline(always)]
     pub(super) fn step_group<L: Lane<Real = T>, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool>(
         &self,
@@ -304,7 +303,7 @@ impl<'a, T: Real> Step<'a, T> {
             columns.lag_state(self.layout, self.active, &mut memory.lag);
         }
         let thrusters = &system.thrusters[..];
-        let held = columns.six(self.layout.wrench);
+        let constant = columns.six(self.layout.wrench);
         let over_h = L::c(1.0) / L::splat(self.h);
         if !thrusters.is_empty() {
             columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
@@ -317,7 +316,7 @@ impl<'a, T: Real> Step<'a, T> {
             loads: &mut memory.loads,
             gravity: Vector3(get_all(&system.gravity)) - acceleration,
             acceleration,
-            wrench: held,
+            wrench: constant,
             thrust: None,
             lossy: if system.has_inflow_losses() { Some((&mut memory.courses, over_h)) } else { None },
             station,
@@ -337,7 +336,7 @@ impl<'a, T: Real> Step<'a, T> {
                 memory.propulsion.step_courses(thrusters.len(), courses);
             } else if !thrusters.is_empty() {
                 let course = memory.propulsion.step(thrusters);
-                equations.wrench = held + course.start;
+                equations.wrench = constant + course.start;
                 equations.thrust = Some((course, over_h));
                 if lagged.is_some() {
                     memory.lag.wrench = equations.wrench;
@@ -373,7 +372,7 @@ impl<'a, T: Real> Step<'a, T> {
             equations.set_current(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
             if system.fixed {
-                // The rows still hold the pose before the step.
+                // The rows still have the pose before the step.
                 columns.place::<_, BASELINES>(self.layout, motion);
                 motion.twist = Vector6::zero();
             }

@@ -1,6 +1,6 @@
 //! Column groups of a block: what the kernels load into lanes and store from them.
 
-use super::active_loads::ActiveLoads;
+use super::inputs::ActiveLoads;
 use super::layout::Layout;
 use crate::dynamics::aba::ArmLoads;
 use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
@@ -11,7 +11,7 @@ use crate::system::{FACTORS, Factors, JOINTS};
 
 /// A column group of a block: `LANES` adjacent columns, one instance each.
 pub struct Columns<'a, T> {
-    /// Rows of a block; for dual numbers those of the values, then as many of the slopes.
+    /// Rows of a block; for dual numbers the rows of values, then the rows of slopes.
     pub rows: &'a mut [T],
     /// First column of the group.
     pub first: usize,

@@ -1,8 +1,7 @@
 //! Inputs to loads: from numbers by instance to rows of blocks.
 
 use super::columns::Columns;
-use super::inputs::CheckedInputs;
-use super::instance_loads::InstanceLoads;
+use super::inputs::{CheckedInputs, InstanceLoads};
 use super::table::Table;
 use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real, transpose};
@@ -12,8 +11,8 @@ use crate::system::JOINTS;
 const WIDEST: usize = 16;
 /// Numbers of a target pose: position, and rotation by rows.
 const STATION: usize = 12;
-/// Most numbers of an instance in a buffer: its thrusts; torques and target poses have fewer.
-const PAGE: usize = THRUSTERS;
+/// Maximum number of numbers of an instance in a buffer: its thrusts; torques and target poses have fewer.
+const SCRATCH: usize = THRUSTERS;
 
 /// One number of each instance of a block. In f64 in either precision of the rows, by operations that are rounded one by one
 /// in the order of [`CheckedInputs::fill`]: loads have the same bits on every instruction set.
@@ -38,7 +37,7 @@ impl Table {
     }
 }
 
-/// Kernel that fills blocks with all loads except those on links.
+/// Kernel that fills blocks with all loads except loads on links.
 struct Fill<'a, T> {
     given: &'a CheckedInputs<'a>,
     table: &'a Table,
@@ -50,10 +49,10 @@ struct Fill<'a, T> {
 impl<T: Real> Kernel<T> for Fill<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        const { assert!(T::BLOCK <= WIDEST && JOINTS <= PAGE && STATION <= PAGE) };
+        const { assert!(T::BLOCK <= WIDEST && JOINTS <= SCRATCH && STATION <= SCRATCH) };
         let (given, layout) = (self.given, &self.table.layout);
         let n = layout.joints;
-        let (mut page, mut targets) = ([[0.0; WIDEST]; PAGE], [[0.0; WIDEST]; 4 * JOINTS]);
+        let (mut scratch, mut targets) = ([[0.0; WIDEST]; SCRATCH], [[0.0; WIDEST]; 4 * JOINTS]);
         let terms = given.terms;
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((layout.rows * T::BLOCK).max(1));
         for (k, rows) in blocks.enumerate() {
@@ -61,7 +60,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             let count = T::BLOCK.min((self.first + self.count).saturating_sub(first));
             if count < T::BLOCK && k > 0 {
                 // Columns past the last instance have no loads. (In the first block both are zero already.)
-                page = [[0.0; WIDEST]; PAGE];
+                scratch = [[0.0; WIDEST]; SCRATCH];
                 targets = [[0.0; WIDEST]; 4 * JOINTS];
             }
 
@@ -69,7 +68,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             // have left the store buffer.
             let m = given.allocation.count();
             if let Some(thrust) = given.inputs.thrust {
-                gather(thrust, m, 0, first, count, &mut page[..m]);
+                gather(thrust, m, 0, first, count, &mut scratch[..m]);
             }
             if let Some(target) = given.inputs.joint_target {
                 gather(target, n * terms, 0, first, count, &mut targets[..n * terms]);
@@ -79,13 +78,13 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 for i in 0..m {
                     let [low, high] = given.allocation.limits(i);
                     for lane in 0..T::BLOCK {
-                        page[i][lane] = page[i][lane].clamp(low, high);
+                        scratch[i][lane] = scratch[i][lane].clamp(low, high);
                     }
                 }
             }
             if layout.thrusters > 0 {
                 match given.inputs.thrust {
-                    Some(_) => set(rows, layout.command, &page[..layout.thrusters]),
+                    Some(_) => set(rows, layout.command, &scratch[..layout.thrusters]),
                     None => clear(rows, layout.command, layout.thrusters),
                 }
             } else if given.inputs.thrust.is_some() {
@@ -96,7 +95,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 }
                 for i in 0..m {
                     for lane in 0..T::BLOCK {
-                        page[i][lane] *= factor[lane];
+                        scratch[i][lane] *= factor[lane];
                     }
                 }
                 for axis in 0..6 {
@@ -104,7 +103,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                     for i in 0..m {
                         let by = given.allocation.column(i)[axis];
                         for lane in 0..T::BLOCK {
-                            sum[lane] += by * page[i][lane];
+                            sum[lane] += by * scratch[i][lane];
                         }
                     }
                     wrench[axis] = sum;
@@ -113,10 +112,10 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             let mut extra = [[0.0; WIDEST]; 6];
             for (values, width) in [(given.inputs.wrench, 6), (given.inputs.external, 6 * (n + 1))] {
                 let Some(values) = values else { continue };
-                gather(values, width, 0, first, count, &mut page[..6]);
+                gather(values, width, 0, first, count, &mut scratch[..6]);
                 for axis in 0..6 {
                     for lane in 0..T::BLOCK {
-                        extra[axis][lane] += page[axis][lane];
+                        extra[axis][lane] += scratch[axis][lane];
                     }
                 }
             }
@@ -128,20 +127,20 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             set(rows, layout.wrench, &wrench);
             for (i, fin) in given.fins.iter().enumerate().take(layout.fins) {
                 let [lower, upper] = fin.range();
-                page[0] = [fin.deflection; WIDEST];
+                scratch[0] = [fin.deflection; WIDEST];
                 if let Some(fins) = given.inputs.fin {
-                    gather(fins, given.fins.len(), i, first, count, &mut page[..1]);
+                    gather(fins, given.fins.len(), i, first, count, &mut scratch[..1]);
                     for lane in 0..T::BLOCK {
-                        page[0][lane] = page[0][lane].clamp(lower, upper);
+                        scratch[0][lane] = scratch[0][lane].clamp(lower, upper);
                     }
                 }
-                set(rows, layout.fin + i, &page[..1]);
+                set(rows, layout.fin + i, &scratch[..1]);
             }
 
             match given.inputs.joint_torque {
                 Some(torque) => {
-                    gather(torque, n, 0, first, count, &mut page[..n]);
-                    set(rows, layout.torque, &page[..n]);
+                    gather(torque, n, 0, first, count, &mut scratch[..n]);
+                    set(rows, layout.torque, &scratch[..n]);
                 }
                 None => clear(rows, layout.torque, n),
             }
@@ -152,32 +151,32 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 }
             }
             if let Some(station) = given.inputs.pose_target {
-                let page = &mut page[..STATION];
-                gather(station, STATION, 0, first, count, page);
+                let scratch = &mut scratch[..STATION];
+                gather(station, STATION, 0, first, count, scratch);
                 // Inputs have the position first.
-                set(rows, layout.station + 9, &page[..3]);
-                set(rows, layout.station, &page[3..]);
+                set(rows, layout.station + 9, &scratch[..3]);
+                set(rows, layout.station, &scratch[3..]);
             }
         }
     }
 }
 
-/// Gathers numbers of `count` instances from `first` on, out of `width` numbers each: those from number `at` on.
+/// Gathers numbers of `count` instances from `first` on: of the `width` numbers of each, the numbers from `at` on.
 #[inline(always)]
-fn gather(values: &[f64], width: usize, at: usize, first: usize, count: usize, page: &mut [Row]) {
+fn gather(values: &[f64], width: usize, at: usize, first: usize, count: usize, scratch: &mut [Row]) {
     let values = &values[(first * width + at).min(values.len())..];
-    let columns = page.len();
-    transpose(values, width, page.as_flattened_mut(), WIDEST, [count, columns]);
+    let columns = scratch.len();
+    transpose(values, width, scratch.as_flattened_mut(), WIDEST, [count, columns]);
 }
 
 /// Sets successive rows of a block.
 #[inline(always)]
-fn set<T: Real>(rows: &mut [T], row: usize, page: &[Row]) {
-    let rows = &mut rows[row * T::BLOCK..][..page.len() * T::BLOCK];
-    for k in 0..page.len() {
+fn set<T: Real>(rows: &mut [T], row: usize, scratch: &[Row]) {
+    let rows = &mut rows[row * T::BLOCK..][..scratch.len() * T::BLOCK];
+    for k in 0..scratch.len() {
         let to = &mut rows[k * T::BLOCK..][..T::BLOCK];
         for lane in 0..T::BLOCK {
-            to[lane] = T::from_f64(page[k][lane]);
+            to[lane] = T::from_f64(scratch[k][lane]);
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Inputs of a call and their check.
+//! Inputs of a call, their check, and the loads of an instance that they give.
 
 use nalgebra as na;
 
-use super::active_loads::ActiveLoads;
-use super::instance_loads::InstanceLoads;
 use super::own_scenes::OwnScenes;
 use crate::batch::options::SimulatorOptions;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::{Fin, Scene};
 use crate::error::SimulatorError;
+use crate::hydro::FINS;
+use crate::system::JOINTS;
 
 /// Maximum entry of `R^T R - I` of an accepted rotation.
 const ORTHONORMAL: f64 = 1e-6;
@@ -25,12 +25,56 @@ pub struct Inputs<'a> {
     /// Actuator torques, (N, n), N m or N; their sum with the servo's saturates at each joint's effort.
     pub joint_torque: Option<&'a [f64]>,
     /// Servo targets, (N, n, k) with k <= 4: polynomials in the time since the call, constant term first, rad or m.
-    /// Servos are on where targets are given; prescribed joints follow them exactly, and keep their rates without.
+    /// Servos are on where targets are given. Prescribed joints follow them exactly; without targets their rates stay constant.
     pub joint_target: Option<&'a [f64]>,
     /// External wrenches, (N, n + 1, 6), vehicle first, each in its body's frame at its origin, N and N m.
     pub external: Option<&'a [f64]>,
     /// Target pose of the vehicle servo, (N, 12): position, then rotation by rows. The servo is on where it is given.
     pub pose_target: Option<&'a [f64]>,
+}
+
+/// Optional loads that are active, the same for all instances.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ActiveLoads {
+    /// Coefficients of each joint servo's target; 0 where these servos are off.
+    pub target_terms: usize,
+    /// External wrenches on links.
+    pub link_wrenches: bool,
+    /// True where the vehicle's servo holds a pose, evaluated at every stage.
+    pub station: bool,
+}
+
+/// Loads on one instance, held until they are set again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InstanceLoads {
+    /// Wrench on the vehicle in its body frame, at the frame's origin, N and N m.
+    pub wrench: [f64; 6],
+    /// Commanded thrusts, N, where thrusters have dynamics; without dynamics their wrench is part of `wrench`.
+    pub command: Thrusts,
+    /// Deflections of the fins, rad.
+    pub fins: [f64; FINS],
+    /// Actuator torques, N m or N.
+    pub torque: [f64; JOINTS],
+    /// Servo targets: polynomials in the time since the step's call, constant term first, rad or m.
+    pub target: [[f64; 4]; JOINTS],
+    /// External wrenches on the links, each in its link frame, N and N m.
+    pub links: [[f64; 6]; JOINTS],
+    /// Target of the vehicle's servo: rotation and position, m.
+    pub station: (na::Matrix3<f64>, na::Vector3<f64>),
+}
+
+impl Default for InstanceLoads {
+    fn default() -> Self {
+        Self {
+            wrench: [0.0; 6],
+            command: [0.0; THRUSTERS],
+            fins: [0.0; FINS],
+            torque: [0.0; JOINTS],
+            target: [[0.0; 4]; JOINTS],
+            links: [[0.0; 6]; JOINTS],
+            station: (na::Matrix3::identity(), na::Vector3::zeros()),
+        }
+    }
 }
 
 /// Checks that there are `width` finite numbers per instance.
@@ -45,10 +89,10 @@ pub fn check(
     if values.len() != expected {
         return Err(SimulatorError::Length { name, expected, got: values.len() });
     }
-    if options.precision.holds_all(values) {
+    if options.precision.all_finite(values) {
         return Ok(());
     }
-    match values.iter().position(|x| !options.precision.holds(*x)) {
+    match values.iter().position(|x| !options.precision.is_finite(*x)) {
         Some(at) => Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] }),
         None => Ok(()),
     }
@@ -168,7 +212,7 @@ impl<'a> CheckedInputs<'a> {
         thrusts
     }
 
-    /// Wrench on the vehicle of instance `i` without that of its thrusters.
+    /// Wrench on the vehicle of instance `i` without the wrench of its thrusters.
     pub fn wrench(&self, i: usize) -> [f64; 6] {
         let external = self.row(self.inputs.external, 6 * (self.joints + 1), i);
         let terms = [self.row(self.inputs.wrench, 6, i), external.map(|e| &e[..6])];

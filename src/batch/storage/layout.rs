@@ -36,7 +36,7 @@ pub struct Layout {
     pub torque: usize,
     /// Servo targets, 4 per joint.
     pub target: usize,
-    /// Attitude coordinates that the integrator keeps besides the rotation: 4, or none.
+    /// Attitude coordinates of the integrator besides the rotation: 4, or none.
     pub attitude: usize,
     /// Their kind.
     pub keeps: Attitude,
@@ -64,7 +64,7 @@ pub struct Layout {
     pub fins: usize,
     /// Their deflections.
     pub fin: usize,
-    /// Number of rows that every step may need: those above.
+    /// Number of rows that every step may need: all rows above.
     pub common: usize,
     /// External wrenches on the links, 6 per joint.
     pub links: usize,
@@ -140,7 +140,7 @@ impl Layout {
         ]
     }
 
-    /// The same of what integrators keep besides the state: attitude coordinates, and the acceleration filter.
+    /// First row and number of rows of integrators' memory besides the state: attitude coordinates, and the acceleration filter.
     pub fn memory_rows(&self) -> [[usize; 2]; 2] {
         let attitude = if self.keeps == Attitude::Matrix { 0 } else { 4 };
         let lag = if self.lagged { 1 + 12 * (self.joints + 1) } else { 0 };

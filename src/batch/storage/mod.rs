@@ -1,11 +1,9 @@
 //! Storage: the numbers of all instances in blocks, access to them by lanes and by instance, and loads from inputs to rows.
 
-pub mod active_loads;
 pub mod aligned;
 pub mod columns;
 mod fill;
 pub mod inputs;
-pub mod instance_loads;
 pub mod layout;
 pub mod own_numbers;
 pub mod own_scenes;

@@ -2,14 +2,14 @@
 
 use super::aligned::Aligned;
 use crate::error::SimulatorError;
-use crate::lane::{Lane, Real};
+use crate::lane::{Lane, Real, Routine};
 use crate::limits::interrupt;
-use crate::system::{Compiled, InstanceSystem, RunVisitor};
+use crate::system::{Compiled, Factors, InstanceSystem, RunVisitor};
 
 /// First row of each run of numbers ([`InstanceSystem::visit`]); none where all instances share the run.
 pub type RunRows = Vec<Option<u32>>;
 
-/// Numbers of the system that differ between instances: rows of blocks, as those of the states.
+/// Numbers of the system that differ between instances, in rows of blocks like the states.
 #[derive(Debug, Clone)]
 pub struct OwnNumbers<T> {
     layout: OwnLayout,
@@ -68,8 +68,8 @@ impl OwnLayout {
 }
 
 impl<T: Real> OwnNumbers<T> {
-    /// Numbers of `instances` instances. Those are their own that differ between the first `samples` of the scenes of the same
-    /// structure that `compiled` compiles; none where all are the same. Instances beyond these samples have those of the first.
+    /// Numbers of `instances` instances: all numbers that differ between the first `samples` scenes that `compiled` compiles, which
+    /// have the same structure; `None` if nothing differs. Instances beyond these samples have the numbers of the first.
     ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
@@ -108,7 +108,7 @@ impl<T: Real> OwnNumbers<T> {
             if interrupt::requested() {
                 return Err(SimulatorError::Interrupted);
             }
-            // Columns past the last instance hold valid numbers too.
+            // Columns past the last instance need valid numbers too.
             if i < samples.min(instances) { numbers.set(i, &compiled(i)) } else { numbers.set(i, &first) }
         }
         Ok(Some(numbers))
@@ -141,7 +141,7 @@ impl<T: Real> OwnNumbers<T> {
 }
 
 impl OwnNumbers<f64> {
-    /// Sets all numbers to those in single precision, of the same samples.
+    /// Copies all numbers from numbers in single precision, of the same samples.
     pub fn set_all(&mut self, single: &OwnNumbers<f32>) {
         for i in 0..self.rows.len() / self.layout.width {
             self.layout.copy(&single.rows, i, &mut self.rows, i);
@@ -184,6 +184,33 @@ impl<L: Lane> RunVisitor<L> for RunLoader<'_, L::Real> {
             }
             at += L::Real::BLOCK;
         }
+    }
+}
+
+/// Loads numbers that instances have of their own, and makes the terms of the bodies of them. (A routine by itself: it takes no
+/// registers in the kernels, and its length does not add to theirs.)
+pub struct LoadNumbers<'a, L: Lane> {
+    /// The system of the column group.
+    pub instances: &'a mut InstanceSystem<L>,
+    /// First row of each run of numbers.
+    pub run_rows: &'a RunRows,
+    /// The block's rows of these numbers.
+    pub block: &'a [L::Real],
+    /// First column.
+    pub first: usize,
+    /// Factors on the bodies' terms.
+    pub factors: &'a Factors<L>,
+    /// As for [`crate::system::System::apply_factors`].
+    pub body_frame_terms: bool,
+}
+
+impl<L: Lane> Routine<L> for LoadNumbers<'_, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        self.instances.visit(&mut RunLoader::new(self.run_rows, self.block, self.first));
+        self.instances.attach_payload();
+        let InstanceSystem { system, unscaled, .. } = &mut *self.instances;
+        system.apply_factors(unscaled, self.factors, self.body_frame_terms);
     }
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra as na;
 
-use super::instance_loads::InstanceLoads;
+use super::inputs::InstanceLoads;
 use super::layout::Layout;
 use crate::batch::monitoring::step_quality::StepQuality;
 use crate::hydro::{FINS, Thrusts};
@@ -97,13 +97,13 @@ impl Table {
         }
     }
 
-    /// Sets the velocities alone to those of a state.
+    /// Sets the velocities to those of a state.
     pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
     }
 
-    /// Copies rows, pairs of the row there and here, to some columns from those of `other` that are `ahead` of them.
+    /// Copies rows, given as pairs of the row in `other` and the row here, from column `ahead + i` of `other` to each column i.
     pub fn copy<T: Real, U: Real>(
         &self,
         rows: &mut [T],
@@ -125,7 +125,7 @@ impl Table {
         StepQuality { stiffness, error: step_error(errors, h), accumulated: 0.0 }
     }
 
-    /// Attitude coordinates, where the integrator keeps any besides the rotation matrix.
+    /// Attitude coordinates, where the integrator has any besides the rotation matrix.
     pub fn attitude<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
         (self.layout.keeps != Attitude::Matrix).then(|| self.get_all(rows, i, self.layout.attitude))
     }
@@ -160,11 +160,11 @@ impl Table {
 
     /// `[any instance has a factor other than 1, any has a payload]`.
     pub fn scaled<T: Real>(&self, rows: &[T]) -> [bool; 2] {
-        let whole = Factors::ONE.to_array().map(T::from_f64);
+        let ones = Factors::ONE.to_array().map(T::from_f64);
         let mut differs = [false; FACTORS];
         for block in rows.chunks_exact(self.layout.rows * T::BLOCK) {
             let factors = block[self.layout.factors * T::BLOCK..].chunks_exact(T::BLOCK);
-            for ((differs, row), one) in differs.iter_mut().zip(factors).zip(whole) {
+            for ((differs, row), one) in differs.iter_mut().zip(factors).zip(ones) {
                 *differs |= row.iter().fold(false, |any, x| any | (*x != one));
             }
         }

@@ -3,8 +3,7 @@
 use crate::batch::derivatives::{production, scenes, with_case};
 use crate::random_scene::{Random, random_state};
 use nalgebra::Vector3;
-use uvms_gym::batch::stepping::adjoint::{CotangentColumn, Cotangents};
-use uvms_gym::batch::stepping::blocks::Storage;
+use uvms_gym::batch::insides::{Cotangents, DerivativeColumn, Storage};
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::integrate::Gains;
@@ -190,8 +189,8 @@ impl Cotangents for RandomCotangents {
     fn payload(&self) -> bool {
         true
     }
-    fn seed(&self, i: usize, column: &mut CotangentColumn) {
-        let (table, mut random) = (column.table, Random::new(i as u64));
+    fn seed(&self, i: usize, column: &mut DerivativeColumn) {
+        let (table, mut random) = (column.start.table, Random::new(i as u64));
         let layout = &table.layout;
         let parts = [
             (layout.position, 3),
@@ -205,8 +204,8 @@ impl Cotangents for RandomCotangents {
             column.set(row, random.between(-1.0, 1.0));
         }
     }
-    fn read(&self, _: usize, column: &CotangentColumn, out: &mut [f64]) {
-        out.iter_mut().enumerate().for_each(|(row, out)| *out = column.get(column.cotangents, row));
+    fn read(&self, _: usize, column: &DerivativeColumn, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(row, out)| *out = column.derivative(row));
     }
 }
 
@@ -220,9 +219,9 @@ impl Cotangents for Ends {
     fn payload(&self) -> bool {
         true
     }
-    fn seed(&self, _: usize, _: &mut CotangentColumn) {}
-    fn read(&self, _: usize, column: &CotangentColumn, out: &mut [f64]) {
-        out.iter_mut().enumerate().for_each(|(row, out)| *out = column.get(column.end, row));
+    fn seed(&self, _: usize, _: &mut DerivativeColumn) {}
+    fn read(&self, _: usize, column: &DerivativeColumn, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(row, out)| *out = column.value(row));
     }
 }
 

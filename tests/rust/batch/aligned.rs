@@ -1,6 +1,6 @@
 //! Numbers in memory that begin on a cache line.
 
-use uvms_gym::batch::storage::aligned::{Aligned, LINE};
+use uvms_gym::batch::insides::{Aligned, LINE};
 
 fn on_a_line<T>(numbers: &[T]) -> bool {
     numbers.as_ptr().addr().is_multiple_of(LINE)

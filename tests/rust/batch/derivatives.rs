@@ -3,12 +3,9 @@
 use crate::double_double::DoubleDouble;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::Vector3;
-use uvms_gym::batch::stepping::blocks::{Blocks, Storage};
-use uvms_gym::batch::stepping::derivative::{Directions, DualColumn, Duals, Pairs, Slopes, step_pairs};
-use uvms_gym::batch::stepping::parameters::StepSettings;
-use uvms_gym::batch::stepping::step::Step;
-use uvms_gym::batch::storage::inputs::CheckedInputs;
-use uvms_gym::batch::storage::layout::Layout;
+use uvms_gym::batch::insides::{
+    Blocks, CheckedInputs, DerivativeColumn, Directions, Duals, Layout, Pairs, Step, StepSettings, Storage, step_pairs,
+};
 use uvms_gym::batch::{Inputs, SimulatorOptions};
 use uvms_gym::control::Allocation;
 use uvms_gym::description::Scene;
@@ -39,11 +36,11 @@ impl<F: Fn(usize, usize) -> Vec<(usize, f64)> + Sync> Directions for Rows<F> {
     fn payload(&self) -> bool {
         true
     }
-    fn seed(&self, i: usize, k: usize, column: &mut DualColumn) {
-        (self.change)(i, k).into_iter().for_each(|(row, amount)| column.add_slope(row, amount));
+    fn seed(&self, i: usize, k: usize, column: &mut DerivativeColumn) {
+        (self.change)(i, k).into_iter().for_each(|(row, amount)| column.add(row, amount));
     }
-    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
-        let numbers = self.read.iter().flat_map(|row| [column.value(*row), column.slope(*row)]);
+    fn read(&self, k: usize, column: &DerivativeColumn, out: &mut [f64]) {
+        let numbers = self.read.iter().flat_map(|row| [column.value(*row), column.derivative(*row)]);
         out.iter_mut().skip(2 * k * self.read.len()).zip(numbers).for_each(|(out, x)| *out = x);
     }
 }

@@ -1,9 +1,6 @@
 //! Inputs to loads: from numbers by instance to rows of blocks.
 
-use uvms_gym::batch::stepping::blocks::{Blocks, Storage};
-use uvms_gym::batch::storage::inputs::CheckedInputs;
-use uvms_gym::batch::storage::instance_loads::InstanceLoads;
-use uvms_gym::batch::storage::table::Table;
+use uvms_gym::batch::insides::{Blocks, CheckedInputs, InstanceLoads, Storage, Table};
 use uvms_gym::batch::{Inputs, Precision, SimulatorOptions};
 use uvms_gym::control::Allocation;
 use uvms_gym::description::Scene;

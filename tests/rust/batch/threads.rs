@@ -7,7 +7,7 @@ use std::sync::mpsc::channel;
 use std::thread::{available_parallelism, yield_now};
 use std::time::{Duration, Instant};
 
-use uvms_gym::batch::stepping::threads::for_each;
+use uvms_gym::batch::insides::for_each;
 
 /// Number of calls on each of `count` items.
 fn calls(count: usize, threads: usize) -> Vec<usize> {
