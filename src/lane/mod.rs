@@ -3,6 +3,9 @@
 //! Every formula of the kernel is written once, over [`Lane`]: a scalar, a SIMD vector with one number per instance, or a dual
 //! number. All operations are IEEE operations in the same order at every width, so an instance's result does not depend on its
 //! lane nor, with fused multiply-add, on the width.
+//!
+//! Functions of kernels are `#[inline(always)]`: a generic function or a closure that stays a call is compiled without the
+//! caller's instruction set (rust-lang/rust#58279).
 
 /// A loop written out, as `unroll!(k in 0 1 2 => { ... })` or, below the constant `N`, `unroll!(k < N => { ... })` (15 times).
 ///

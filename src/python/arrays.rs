@@ -13,7 +13,7 @@ use pyo3::types::PyDict;
 use super::errors::OrRaise;
 use uvms_gym::limits::memory;
 
-/// An argument that may be left out.
+/// An optional argument.
 pub type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
 /// A fresh array.
@@ -98,7 +98,7 @@ pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize
     }
 }
 
-/// [`rows`] of an argument that may be left out.
+/// [`rows`] of an optional argument.
 pub fn optional_rows(name: &str, given: Given, instances: usize, row: &[usize]) -> PyResult<Option<Vec<f64>>> {
     given.map(|given| rows(name, given, instances, row)).transpose()
 }

@@ -69,13 +69,12 @@ impl Simulator {
     ///
     /// Differentiated by dual numbers through the kernel of `step`, whatever its integrator. Coordinates of the state, s of them:
     /// `[xi (6); dq (n); dV (6); dq' (n); dT (m)]` with the pose `T exp(xi)` (m and rad, body axes of the pose), the absolute
-    /// body twist V, and the thrusts T of thrusters with dynamics (absent without). Rows are those of the state after the steps,
-    /// columns those of the argument before. Rows and columns of the twist are 0 where the vehicle is fixed.
+    /// body twist V, and the thrusts T of thrusters with dynamics (absent without). Rows are coordinates of the state after the
+    /// steps, columns are coordinates of the argument before. Rows and columns of the twist are 0 where the vehicle is fixed.
     ///
-    /// Saturated actuators have derivative 0, at their limit too. At other kinks the derivative is one-sided; that of |v| at 0 is
-    /// 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN. With dtype="float32"
-    /// derivatives are those of the step in double precision, from the present state and factors; from the slopes of the rounded
-    /// step they differ by rounding. The GIL is released; Ctrl-C interrupts.
+    /// Saturated actuators have derivative 0, also exactly at their limit. At other kinks the derivative is one-sided; |v| has
+    /// derivative 0 at 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN. With dtype="float32" the
+    /// step in double precision is differentiated, from the present state and factors. The GIL is released; Ctrl-C interrupts.
     ///
     /// Parameters
     /// ----------

@@ -10,7 +10,7 @@ use uvms_gym::batch::{Inputs, Simulator};
 /// Maximum number of coefficients of a servo target.
 const TERMS: usize = 4;
 
-/// Keywords of a call besides its parameters.
+/// Keywords of a call that are not among its parameters.
 pub type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
 
 /// Inputs of a step in the order of [`Self::NAMES`], one row per instance.
@@ -60,7 +60,7 @@ impl StepInputs {
         Ok(found)
     }
 
-    /// The same as inputs of the simulator.
+    /// Inputs of the simulator.
     pub fn inputs(&self) -> Inputs<'_> {
         let [thrust, wrench, joint_torque, joint_target, external, pose_target, fin] =
             self.0.each_ref().map(|rows| rows.as_deref());

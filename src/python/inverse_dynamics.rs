@@ -76,7 +76,7 @@ impl Simulator {
     }
 
     /// Allocation of a wrench on the vehicle to the thrusters by weighted least squares. If a thrust would exceed its limits,
-    /// all are scaled down together, so that the wrench keeps its direction.
+    /// all are scaled down together: the direction of the wrench does not change.
     ///
     /// Parameters
     /// ----------

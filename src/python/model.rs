@@ -299,11 +299,11 @@ impl Simulator {
 
     /// Equations of motion in Fossen's form, `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`. [F21 sections 6.3, 10.3]
     ///
-    /// nu = [V_r; q'] holds the body twist relative to the water, V_r = V - [R^T v_c; 0], and the joint rates. The
+    /// nu = [V_r; q'] is the body twist relative to the water, V_r = V - [R^T v_c; 0], and the joint rates. The
     /// equations hold with nu' = [V_r'; q''] and V_r' = V' + [omega x R^T v_c - R^T a_c; 0], where V' and q'' are those of
     /// `forward_dynamics`; in still water nu = [V; q']. Rows are the wrench on the vehicle at its origin and the joints.
     ///
-    /// tau holds everything else, tau = W (thrust + fins + tether + external) + L command, with W and L of
+    /// tau is everything else, tau = W (thrust + fins + tether + external) + L command, with W and L of
     /// `wrench_influence` and `torque_influence`, the wrenches of `body_wrenches` and the torques of `joint_torques`. The
     /// first six rows of a fixed vehicle hold with the wrench of its mooring in tau.
     ///

@@ -30,7 +30,7 @@ impl Simulator {
     ///     Turns on the joint servos, which are evaluated at every stage: target coordinates, rad or m; or polynomials
     ///     c0 + c1 t + c2 t^2 + c3 t^3 in the time t since this call, whose derivative is the target of the joint rate.
     ///     Prescribed joints (`prescribed_joints`) have exactly these coordinates, rates and accelerations, from the first
-    ///     step of the call on; without targets they keep their rates. `joint_torques` gives the torques that this takes.
+    ///     step of the call on; without targets their rates stay constant. `joint_torques` returns the torques of their drives.
     /// external : array_like (n + 1, 6) or (N, n + 1, 6)
     ///     Wrench on each moving body, vehicle first, in body axes at its frame origin, N and N m.
     /// pose_target : (array_like (3,) or (N, 3), array_like (3, 3) or (N, 3, 3)) or array_like (4, 4) or (N, 4, 4)

@@ -32,7 +32,7 @@ impl Simulator {
 
     /// Set factors on the parameters of every body of each instance, for domain randomisation.
     ///
-    /// They stay through `reset`. Omitted parameters keep their factors.
+    /// `reset` does not change them. Factors that are not given stay as they are.
     ///
     /// Parameters
     /// ----------

@@ -14,7 +14,7 @@ use uvms_gym::limits::memory;
 
 /// Batched simulator of one scene, or of scenes that differ in their numbers, without a task.
 ///
-/// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, and not on
+/// Instances are independent: the result of each depends only on its own state and inputs, bit for bit, and not on
 /// `num_envs`, the instance's place among the others or `threads`.
 ///
 /// N is `num_envs`, n the number of joints, m of thrusters, k of fins. SI units. World z up; body x forward, y left,
@@ -29,7 +29,7 @@ use uvms_gym::limits::memory;
 ///     each instance. They have the same structure: the same joints, thrusters, fins and terms, and a number that is 0 in one
 ///     scene, where its term is left out, is 0 in all.
 /// num_envs : int
-///     Number of instances N; 1, or that of the scenes or parameters, where None.
+///     Number of instances N. None: the number of scenes or rows of `parameters`, or 1.
 /// dt : float
 ///     Step size, s.
 /// integrator : str
@@ -44,13 +44,13 @@ use uvms_gym::limits::memory;
 /// parameters : dict of array_like (N, ...), optional
 ///     Numbers of the scene that instances have of their own, by their keys in the scene, one row for each instance:
 ///     `{"vehicle.body.mass": masses, "arm.links[0].joint.friction.viscous": frictions, "vehicle.body.added_mass": diagonals}`
-///     with shapes (N,), (N,) and (N, 6). A scalar holds for all. Each scene is checked as a whole.
+///     with shapes (N,), (N,) and (N, 6). A scalar applies to all. Each resulting scene is checked.
 /// tolerance : float
 ///     For adaptive integrators ("mk54"): bound on the estimated error of each sub-interval of a step, in m and rad
 ///     for the pose, absolute and relative for twist, q and qd. Minimum value about 1e-6 in float32; smaller ones count as that.
 /// prescribed_joints : bool or sequence of str or int
-///     Joints, by name or index, that follow `joint_target` of `step` exactly instead of by a servo (True: all of them), besides
-///     those that the scene prescribes (`joint.prescribed`).
+///     Joints, by name or index, that follow `joint_target` of `step` exactly instead of by a servo (True: all of them), in
+///     addition to joints that the scene prescribes (`joint.prescribed`).
 /// error_estimate : bool or None
 ///     True to estimate the errors of integration that have accumulated, of every instance at every step: see the method
 ///     `error_estimate`. A call of `step` then takes 3.3 times as long, 5.5 times in float32. None: errors are watched for
@@ -216,7 +216,7 @@ impl Simulator {
         self.inner.isa().name()
     }
 
-    /// dict: the complete scene, in the form of `load_scene`; that of the first instance where they differ.
+    /// dict: the complete scene, in the form of `load_scene`; where scenes differ, the scene of the first instance.
     #[getter]
     fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         scene::to_python(self.inner.scene(), py)

@@ -125,7 +125,7 @@ impl Simulator {
 
     /// numpy.ndarray (N,): relative velocity error of the last thirty steps or so of each instance: the sum of the errors
     /// estimated from the stages over the maximum speed; or the error of spinning in ten seconds, if that is greater.
-    /// Integrators of one stage have the error of spinning alone; "mk54" keeps to its tolerance and has 0.
+    /// Integrators of one stage have only the error of spinning; "mk54", which controls its error, has 0.
     #[getter]
     fn step_error<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
         let (this, py) = (shared(slf)?, slf.py());
@@ -147,7 +147,7 @@ impl Simulator {
         this.gather(py, &[3], |_, i| <[f64; 3]>::from(this.inner.flow(i).acceleration))
     }
 
-    /// Set parts of the state; omitted parts keep their values.
+    /// Set parts of the state; parts that are not given do not change.
     ///
     /// Each part has one row for all instances, or one per instance. Everything is checked before anything changes.
     ///
@@ -158,9 +158,9 @@ impl Simulator {
     /// rotation : array_like (3, 3) or (N, 3, 3)
     ///     Body to world. Deviation of R^T R from I at most 1e-6 per entry; is made orthonormal.
     /// quaternion : array_like (4,) or (N, 4)
-    ///     The same as [w, x, y, z]; is normalised. Excludes `rotation`.
+    ///     Attitude as [w, x, y, z], normalised here. Excludes `rotation`.
     /// twist : array_like (6,) or (N, 6)
-    ///     Absolute body twist [v; omega], m/s and rad/s; zero if the scene holds the vehicle.
+    ///     Absolute body twist [v; omega], m/s and rad/s; zero if the vehicle is fixed.
     /// q : array_like (n,) or (N, n)
     ///     Joint coordinates, rad or m.
     /// qd : array_like (n,) or (N, n)
@@ -179,7 +179,7 @@ impl Simulator {
     /// Raises
     /// ------
     /// ValueError
-    ///     Wrong shape, number not finite, invalid rotation, zero quaternion, motion of a held vehicle, acceleration of water
+    ///     Wrong shape, number not finite, invalid rotation, zero quaternion, motion of a fixed vehicle, acceleration of water
     ///     in a scene without gravity.
     /// TypeError
     ///     Argument that is not an array of real numbers.
