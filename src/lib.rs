@@ -44,8 +44,10 @@
 //!
 #![doc = include_str!("NOTATION.md")]
 #![deny(unsafe_code)]
+#![warn(missing_docs)]
 
 pub mod batch;
+#[allow(missing_docs)]
 pub mod control;
 pub mod description;
 pub mod dynamics;
