@@ -87,7 +87,9 @@ pub fn copied<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> PyR
 /// Rows of shape `row`, one per instance: as given, or one row for all instances.
 pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize]) -> PyResult<Vec<f64>> {
     let (shape, numbers) = read(name, given)?;
-    if shape == row {
+    if shape == row && instances == 1 {
+        Ok(numbers)
+    } else if shape == row {
         memory::check("the input", &[instances, numbers.len(), size_of::<f64>()]).or_raise()?;
         Ok(numbers.repeat(instances))
     } else if shape.split_first().is_some_and(|(first, rest)| *first == instances && rest == row) {
