@@ -128,7 +128,7 @@ pub fn stiffness<L: Lane>([places, speeds, changes]: [L; 3], epsilon: f64) -> L 
 }
 
 /// Relative velocity error of the last steps of size `h`, from [`StepEstimates::velocity_error`] and
-/// [`StepEstimates::spin_error`]; a motion slower than [`REST`] counts as one of that speed. NaN where any of them is not finite.
+/// [`StepEstimates::spin_error`]; a motion slower than `REST` counts as one of that speed. NaN where any of them is not finite.
 #[inline(always)]
 pub fn step_error<L: Lane>([error, way, spin]: [L; 3], h: f64) -> L {
     (error / way.max(L::c(REST * h))).max(spin) + (error + way + spin) * L::zero()

@@ -80,7 +80,7 @@ const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
 
 /// Sine and cosine of x from sine and cosine of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; by
-/// [`sin_cos`] beyond [`NEAR`]. The choice is made per lane.
+/// [`sin_cos`] beyond `NEAR`. The choice is made per lane.
 #[inline(always)]
 pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
     let d = x - number;

@@ -7,7 +7,7 @@ use super::step_quality::{KNOWN_LIMIT, maximum};
 use crate::system::{JOINTS, Joints};
 
 /// Estimated error that has accumulated in the state of an instance since its state was set: see
-/// [`crate::batch::stepping::companion`].
+/// `stepping::companion`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorEstimate {
     /// Error of the position, m.

@@ -36,7 +36,7 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
 
 /// Kernel that steps blocks of instances.
 ///
-/// Wide lanes: production methods with parameters that all instances share. [`StepScaled`] does the rest. Scalar lanes:
+/// Wide lanes: production methods with parameters that all instances share. `StepScaled` does the rest. Scalar lanes:
 /// everything.
 pub struct Step<'a, T> {
     /// The system.
