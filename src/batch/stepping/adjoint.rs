@@ -89,24 +89,12 @@ impl Blocks<f64> {
         let [_, with_payload] = table.scaled(start);
         let payload = with_payload || cotangents.payload();
         let mut rows = start.to_vec();
+        let own = self.own.as_ref().map(|own| own.columns());
         let step = Step {
-            system: &scene.system,
             scalar_system: None,
-            unscaled: &scene.unscaled,
-            scaled: true,
-            own: self.own.as_ref().map(|own| own.columns()),
-            payload_attachment: payload.then_some(scene.payload_attachment),
             scratch_pool: &scene.adjoint_pools[0],
             system_pool: &scene.adjoint_pools[1],
-            lag_filter: None,
-            layout: &table.layout,
-            integrator: settings.integrator,
-            h: settings.h,
-            substeps: settings.substeps,
-            before: settings.before,
-            active: settings.active,
-            count,
-            blocks: &mut rows,
+            ..scene.steps(&table.layout, own, [true, payload], settings, count, &mut rows)
         };
         let mut of = vec![0.0; start.len()];
         let seed = |of: &mut [f64], end: &[f64], columns: Range<usize>| {

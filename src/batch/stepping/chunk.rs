@@ -1,7 +1,7 @@
 //! Chunks of blocks: the unit of work of a thread.
 
 use super::companion::{ChunkCompanions, CompanionScene, Leaders};
-use super::parameters::{Advance, Parameters, StepSettings};
+use super::parameters::{Parameters, StepSettings};
 use crate::batch::monitoring::step_quality::Violations;
 use crate::batch::storage::own_numbers::OwnLayout;
 use crate::batch::storage::table::Table;
@@ -72,7 +72,7 @@ impl<T: Real> PhysicsChunk<'_, T> {
 
     /// Steps all instances, and their companions.
     pub fn step(&mut self) {
-        let StepSettings { integrator, h, substeps, before, total, active, limits, .. } = *self.settings;
+        let &StepSettings { h, substeps, before, total, limits, .. } = self.settings;
         let scaled = *self.scaled.get_or_insert_with(|| self.table.scaled(self.rows));
         let mut followed = false;
         if let Some((scene, companions)) = &mut self.companions {
@@ -81,16 +81,13 @@ impl<T: Real> PhysicsChunk<'_, T> {
             followed = companions.step(scene, &leaders, scaled, self.settings);
         }
         let own = self.own.as_ref().map(|(layout, rows)| layout.columns(rows));
-        let steps = [before, substeps];
-        let (layout, count) = (&self.table.layout, self.count);
-        Advance { scene: self.scene, layout, own, scaled, integrator, h, steps, active, count }
-            .run(self.isa, self.rows);
+        self.scene.steps(&self.table.layout, own, scaled, self.settings, self.count, self.rows).run(self.isa);
         let mut found = Violations::default();
         if let Some(limits) = limits {
             found = self.table.violations(self.isa, self.rows, self.count, limits, h);
         }
         if let (true, Some((scene, companions))) = (followed, &mut self.companions)
-            && (steps[0] + substeps == total || !scene.follows_all())
+            && (before + substeps == total || !scene.follows_all())
         {
             companions.compare(scene, self.table, self.rows, self.settings, &mut found);
         }

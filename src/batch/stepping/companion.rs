@@ -8,7 +8,7 @@
 
 use std::any::Any;
 
-use super::parameters::{Advance, Parameters, StepSettings};
+use super::parameters::{Parameters, StepSettings};
 use super::track::{Stage, Track, divisor};
 use crate::batch::monitoring::step_quality::{Cause, StepQuality, StepViolation, Violations};
 use crate::batch::storage::aligned::Aligned;
@@ -263,7 +263,7 @@ impl ChunkCompanions {
         scaled: [bool; 2],
         settings: &StepSettings,
     ) -> bool {
-        let &StepSettings { integrator, h, substeps, before, total, active, .. } = settings;
+        let &StepSettings { integrator, h, substeps, before, total, .. } = settings;
         if !scene.follows_all() {
             self.take_turns(scene.cost, leaders.count, h, substeps as f64);
         }
@@ -293,12 +293,12 @@ impl ChunkCompanions {
         while done < end {
             // On the clock of the call: its division into portions does not show.
             let next = end.min((done / SEGMENT + 1) * SEGMENT);
-            let steps = [2 * done, 2 * (next - done)];
+            let (before, substeps) = (2 * done, 2 * (next - done));
+            let settings = StepSettings { integrator, h: 0.5 * h, before, substeps, ..*settings };
             done = next;
             let own = leaders.own.map(|(layout, _)| layout.columns(&self.own));
             let (layout, count) = (&scene.table.layout, self.count);
-            Advance { scene: parameters, layout, own, scaled, integrator, h: 0.5 * h, steps, active, count }
-                .run(scene.isa, &mut self.rows);
+            parameters.steps(layout, own, scaled, &settings, count, &mut self.rows).run(scene.isa);
             // After the last step of the call the comparison looks.
             let looks = if next % SEGMENT == 0 && next < total { count } else { 0 };
             for column in 0..looks {

@@ -161,24 +161,12 @@ impl Blocks<f64> {
             if let Some((_, rows)) = own_rows {
                 gather(rows, &instances, &mut own);
             }
+            let own = own_rows.map(|(layout, _)| layout.columns(&own));
             let mut step = Step {
-                system: &scene.system,
                 scalar_system: None,
-                unscaled: &scene.unscaled,
-                scaled: true,
-                own: own_rows.map(|(layout, _)| layout.columns(&own)),
-                payload_attachment: payload.then_some(scene.payload_attachment),
                 scratch_pool: &scene.dual_scratch_pool,
                 system_pool: &scene.dual_system_pool,
-                lag_filter: None,
-                layout: &table.layout,
-                integrator: settings.integrator,
-                h: settings.h,
-                substeps: settings.substeps,
-                before: settings.before,
-                active: settings.active,
-                count: filled,
-                blocks: &mut [],
+                ..scene.steps(&table.layout, own, [true, payload], settings, filled, &mut [])
             };
             // The portions make no difference to the result.
             let end = settings.before + settings.substeps;

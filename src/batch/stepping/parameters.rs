@@ -111,58 +111,49 @@ impl<T: Real> Parameters<T> {
             rigid,
         }
     }
-}
 
-/// Steps of some blocks.
-pub struct Advance<'a, T> {
-    /// Parameters of the scene.
-    pub scene: &'a Parameters<T>,
-    /// Rows of a block.
-    pub layout: &'a Layout,
-    /// Numbers that instances have of their own.
-    pub own: Option<OwnColumns<'a, T>>,
-    /// Any instance has a factor other than 1, any has a payload.
-    pub scaled: [bool; 2],
-    /// Integrator of each step.
-    pub integrator: Integrator,
-    /// Step size, s.
-    pub h: f64,
-    /// Number of steps before these on the clock of the servo targets, and number of steps.
-    pub steps: [usize; 2],
-    /// Optional loads that are active.
-    pub active: ActiveLoads,
-    /// Number of instances.
-    pub count: usize,
-}
-
-impl<T: Real> Advance<'_, T> {
-    /// Steps blocks.
-    pub fn run(&self, isa: Isa, blocks: &mut [T]) {
-        let (scene, integrator, [scaled, with_payload]) = (self.scene, self.integrator, self.scaled);
-        let scaled = scaled || self.own.is_some();
-        let mut step = Step {
-            system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
-            scalar_system: scene.rigid.is_none().then_some(&scene.scalar_system),
-            unscaled: &scene.unscaled,
-            scaled,
-            own: self.own,
-            payload_attachment: with_payload.then_some(scene.payload_attachment),
-            scratch_pool: &scene.scratch_pool,
-            system_pool: &scene.system_pool,
-            lag_filter: scene.rigid.as_ref().map(|&(_, filter)| filter),
-            layout: self.layout,
+    /// Kernel of the steps of `count` instances in blocks, with the numbers that instances have of their own. `scaled`: any
+    /// instance has a factor other than 1, any has a payload.
+    pub fn steps<'a>(
+        &'a self,
+        layout: &'a Layout,
+        own: Option<OwnColumns<'a, T>>,
+        scaled: [bool; 2],
+        settings: &StepSettings,
+        count: usize,
+        blocks: &'a mut [T],
+    ) -> Step<'a, T> {
+        let StepSettings { integrator, h, substeps, before, active, .. } = *settings;
+        let [scaled, with_payload] = scaled;
+        Step {
+            system: self.rigid.as_ref().map_or(&self.system, |(rigid, _)| rigid),
+            scalar_system: self.rigid.is_none().then_some(&self.scalar_system),
+            unscaled: &self.unscaled,
+            scaled: scaled || own.is_some(),
+            own,
+            payload_attachment: with_payload.then_some(self.payload_attachment),
+            scratch_pool: &self.scratch_pool,
+            system_pool: &self.system_pool,
+            lag_filter: self.rigid.as_ref().map(|&(_, filter)| filter),
+            layout,
             integrator,
-            h: T::from_f64(self.h),
-            substeps: self.steps[1],
-            before: self.steps[0],
-            active: self.active,
-            count: self.count,
+            h: T::from_f64(h),
+            substeps,
+            before,
+            active,
+            count,
             blocks,
-        };
-        if (scaled || integrator.needs_baseline_terms()) && isa.is_wide() {
-            T::dispatch(isa, &mut StepScaled(&mut step));
+        }
+    }
+}
+
+impl<T: Real> Step<'_, T> {
+    /// Steps the blocks.
+    pub fn run(&mut self, isa: Isa) {
+        if (self.scaled || self.integrator.needs_baseline_terms()) && isa.is_wide() {
+            T::dispatch(isa, &mut StepScaled(self));
         } else {
-            T::dispatch(isa, &mut step);
+            T::dispatch(isa, self);
         }
     }
 }
