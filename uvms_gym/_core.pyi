@@ -90,7 +90,7 @@ def lint_scene(scene: _Scene) -> list[str]:
     """Warnings about implausible values of a valid scene: one line each, with key and numbers."""
 
 def scene_template() -> str:
-    """TOML text of a scene with every key that there is, its unit and default in comments."""
+    """TOML text of a scene with all keys, their units and defaults in comments."""
 
 class _Estimate(TypedDict):
     body: dict[str, Any]
@@ -109,13 +109,13 @@ def import_urdf(
     base: str | None = None,
     tip: str | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """A vehicle with the arm of a URDF file, and what should be known about it; see `uvms_gym.import_urdf`."""
+    """A vehicle with the arm of a URDF file, and remarks on the import; see `uvms_gym.import_urdf`."""
 
 def gain_names(kind: str) -> list[str]:
     """Names of the gains of a classical controller."""
 
 def trajectory_inputs(simulator: Simulator, names: Sequence[str]) -> list[int]:
-    """Widths of inputs that a trajectory chooses; ValueError for one that the scene does not have."""
+    """Widths of inputs that a trajectory chooses; ValueError for an input that the scene does not have."""
 
 def optimize_trajectory(
     simulator: Simulator,
@@ -181,11 +181,11 @@ class Simulator:
     tolerance: Final[float]
     """Bound on the estimated error of a sub-interval of a step, for adaptive integrators."""
     threads: Final[int]
-    """Most threads that a step uses."""
+    """Maximum number of threads of a step."""
     instruction_set: Final[str]
     """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (see UVMS_INSTRUCTION_SET)."""
     scene: Final[dict[str, Any]]
-    """The complete scene, as `load_scene` gives it; that of the first instance where they differ."""
+    """The complete scene, as from `load_scene`; where scenes differ, the scene of the first instance."""
     scenes: Final[list[dict[str, Any]]]
     """The complete scene of each instance."""
     scene_name: Final[str]
@@ -224,7 +224,7 @@ class Simulator:
         """(N, 3, 3) rotation matrix, body to world."""
     @property
     def quaternion(self) -> _Floats:
-        """(N, 4) [w, x, y, z], w >= 0, body to world; as kept, for the quaternion integrators."""
+        """(N, 4) [w, x, y, z], w >= 0, body to world; of either sign for the quaternion integrators."""
     @property
     def twist(self) -> _Floats:
         """(N, 6) absolute body twist [v; omega], m/s and rad/s."""
@@ -242,10 +242,10 @@ class Simulator:
         """(N,) time, s."""
     @property
     def stiffness(self) -> _Floats:
-        """(N,) dt times the fastest rate that each instance's motion excites, as the stages of its last steps show."""
+        """(N,) dt times the fastest rate that each instance's motion excites, estimated from its last steps."""
     @property
     def step_error(self) -> _Floats:
-        """(N,) share of its speed that each instance's last steps got wrong, as their stages show."""
+        """(N,) relative velocity error of each instance's last steps, estimated from their stages."""
     @property
     def current(self) -> _Floats:
         """(N, 3) velocity of the water in the world, m/s."""
@@ -265,7 +265,7 @@ class Simulator:
         current_acceleration: _Rows = None,
         thrust: _Rows = None,
     ) -> None:
-        """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
+        """Set parts of the state; parts that are not given do not change. ValueError before anything changes."""
     def reset(self) -> None:
         """Put all instances at the scene's home, at rest at time 0."""
     def step(self, *, substeps: int = 1, **inputs: Unpack[StepInputs]) -> None:
@@ -359,15 +359,15 @@ class Simulator:
         thrust: _Rows = None,
         thruster_lag: _Rows = None,
     ) -> None:
-        """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
+        """Set factors, () or (N,), on each instance's parameters, and its payload, kg; `reset` does not change them."""
     def trim(self) -> dict[str, _Floats]:
         """Trim at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def modes(self, speed: _Rows = None, *, joint_servos: bool = True, vehicle_servo: bool = True) -> list[_Mode]:
-        """Rates at which deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
+        """Rates at which deviations decay, oscillate or grow, fastest first; at expected vehicle `speed` () or (6,)."""
     def stable_steps(
         self, speed: _Rows = None, *, joint_servos: bool = True, vehicle_servo: bool = True, end_stops: bool = True
     ) -> dict[str, float]:
-        """Maximum step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
+        """Maximum step, s, at which each integrator is stable for all modes, by its name; infinite if every step is."""
     def allocate(self, wrench: ArrayLike) -> _Floats:
         """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
     def __copy__(self) -> Simulator: ...
@@ -380,7 +380,7 @@ class Simulator:
 class Renderer:
     """Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 
-    `vehicle.shape` of the scene says what the vehicle looks like. Camera at `azimuth` about the vertical from x and
+    `vehicle.shape` of the scene is the shape of the vehicle. Camera at `azimuth` about the vertical from x and
     `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
     """
     def __new__(
@@ -513,7 +513,7 @@ class Task:
     def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout:
         """Rollout of a controller from blank memory; `trace` lists the instances to record."""
     def run(self, rollout: Rollout, steps: int) -> None:
-        """Run `steps` control periods of all instances from their current states; those whose episode is over wait."""
+        """Run `steps` control periods of all instances from the present; after its episode an instance waits."""
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[_Floats, _Floats]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
@@ -529,7 +529,7 @@ class Rollout:
 
 @disjoint_base
 class Controller:
-    """A native controller: alone by `act`, or in a closed loop by `Task.run`."""
+    """A native controller: called by `act`, or in a closed loop by `Task.run`."""
 
     widths: Final[list[int]]
     """Lengths of a row of observations, memory and actions."""
@@ -562,9 +562,9 @@ class Mlp(Controller):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
     def check(self, task: Task, *, residual: bool) -> None:
-        """Refuse another task than the policy's, alone or as a residual policy."""
+        """ValueError for a task other than the policy's, for the policy by itself or as a residual policy."""
     def correcting(self, base: Controller, limit: float) -> Controller:
-        """Give this network's corrections to a controller, of at most `limit`."""
+        """A controller plus the corrections of this network, of magnitude at most `limit`."""
     residual: Final[bool]
     history: Final[int]
     sizes: Final[list[int]]
