@@ -77,7 +77,7 @@ pub struct Joint {
     /// friction, end stops and effort then do not act on the motion.
     #[serde(default, skip_serializing_if = "is_false")]
     pub prescribed: bool,
-    /// Friction.
+    /// Viscous and Coulomb friction of the joint.
     #[serde(default)]
     pub friction: Friction,
     /// Compliant end stops.

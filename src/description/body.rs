@@ -36,7 +36,7 @@ pub struct Body {
     /// Added mass A_A, kg, kg m, kg m2: six diagonal numbers or six rows of six; symmetric. `[HC eq. 22]`
     #[serde(default, with = "numbers::matrix6")]
     pub added_mass: Matrix6<f64>,
-    /// Damping.
+    /// Linear and quadratic damping in the hydrodynamic frame.
     #[serde(default)]
     pub damping: Damping,
 }

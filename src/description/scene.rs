@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::body::InertiaPoint;
 use super::{Arm, Body, Frame, Provenance, Vehicle, numbers};
 
-/// A scene.
+/// Vehicle, arm and water: all numbers of a simulation but its state and options.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -15,9 +15,9 @@ pub struct Scene {
     /// One paragraph: the robot, and the reliability of its numbers.
     #[serde(default)]
     pub summary: String,
-    /// The water.
+    /// Density, gravity and current.
     pub water: Water,
-    /// The vehicle.
+    /// Base body with its thrusters, fins and tether.
     pub vehicle: Vehicle,
     /// The arm, if any.
     pub arm: Option<Arm>,
@@ -28,7 +28,7 @@ pub struct Scene {
     pub provenance: Provenance,
 }
 
-/// The water.
+/// Water of unlimited extent, in uniform motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Water {

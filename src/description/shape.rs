@@ -28,7 +28,7 @@ pub struct Shape {
 pub enum ShapeKind {
     /// A closed box.
     Box,
-    /// An ellipsoid.
+    /// A closed ellipsoid.
     Ellipsoid,
     /// A body of revolution along x with four fins.
     Torpedo,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
 
-/// The vehicle.
+/// Base body with its thrusters, fins and tether.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
@@ -24,7 +24,7 @@ pub struct Vehicle {
     /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,
-    /// Tether.
+    /// Cable on the vehicle, if any.
     pub tether: Option<Tether>,
     /// Gains of the vehicle's station-keeping PD.
     pub servo: Option<VehicleServo>,

@@ -159,9 +159,9 @@ pub struct Equations<'a> {
     pub wrench_influence: DMatrix<f64>,
     /// L, (6+n, n).
     pub torque_influence: DMatrix<f64>,
-    /// The bodies.
+    /// Motion of each body, vehicle first.
     pub bodies: Vec<BodyMotion<'a>>,
-    /// The joints.
+    /// Joints in the order of q.
     pub joints: Vec<&'a Joint>,
 }
 

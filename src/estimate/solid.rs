@@ -18,7 +18,7 @@ pub enum Ends {
     Joined,
 }
 
-/// A solid.
+/// Convex body whose volume, inertia and added mass are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Solid {
     /// Edges along x, y, z, m.

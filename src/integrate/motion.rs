@@ -12,9 +12,9 @@ pub struct Motion<L, const N: usize> {
     pub rest: Vector3<L>,
     /// V, body twist.
     pub twist: Vector6<L>,
-    /// q.
+    /// Joint coordinates, rad or m.
     pub q: [L; N],
-    /// q'.
+    /// Joint rates, rad/s or m/s.
     pub qd: [L; N],
     /// Coordinates of the attitude, for charts that keep them; the pose follows from them.
     pub attitude: [L; 4],

@@ -80,11 +80,11 @@ pub struct StageState<'a, L, const N: usize> {
     pub start: &'a Pose<L>,
     /// Theta of the pose `T exp(theta)`.
     pub theta: Vector6<L>,
-    /// Twist.
+    /// Body twist, m/s and rad/s.
     pub twist: Vector6<L>,
-    /// q.
+    /// Joint coordinates, rad or m.
     pub q: &'a [L; N],
-    /// q'.
+    /// Joint rates, rad/s or m/s.
     pub qd: &'a [L; N],
 }
 

@@ -55,7 +55,7 @@ pub struct Gains {
 pub(super) const MIN_TOLERANCE: f64 = 8.0;
 
 impl Gains {
-    /// The defaults.
+    /// Gains of a simulator without options.
     pub const DEFAULT: Self = Self { gamma: 1.0, tolerance: 1e-8 };
 }
 

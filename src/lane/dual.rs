@@ -11,9 +11,9 @@ use super::number::{Lane, Routine};
 /// `value + slope e` with `e^2 = 0`, in each lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dual<L = f64> {
-    /// Value.
+    /// Number that the lane beneath computes.
     pub value: L,
-    /// Derivative.
+    /// Derivative along the direction.
     pub slope: L,
 }
 

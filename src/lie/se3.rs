@@ -93,7 +93,7 @@ pub struct Pose<L> {
 }
 
 impl<L: Lane> Pose<L> {
-    /// Identity.
+    /// Pose of the reference frame itself.
     #[inline(always)]
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), position: Vector3::zero() }

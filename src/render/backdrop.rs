@@ -63,9 +63,9 @@ pub struct Floor<'a> {
     pub origin: [f32; 2],
     /// Cell width of the grid, m.
     pub cell: f32,
-    /// Shadow.
+    /// Shadow of the robot on the floor.
     pub shadow: &'a Shadow,
-    /// Caustics.
+    /// Pattern of refracted light on the floor.
     pub caustics: &'a Caustics,
     /// Displacement of the caustics, tiles.
     pub drift: f32,

@@ -23,7 +23,7 @@ pub struct Envelope {
     pub half: Vector,
 }
 
-/// A thruster.
+/// Duct of a thruster.
 #[derive(Debug, Clone, Copy)]
 pub struct Thruster {
     /// Position, m.

@@ -4,7 +4,7 @@ use super::Vector;
 use super::paint::Paint;
 use crate::lane::sin_cos;
 
-/// A vertex.
+/// Corner of triangles.
 #[derive(Debug, Clone, Copy)]
 pub struct Vertex {
     /// Position, m.
@@ -18,7 +18,7 @@ pub struct Vertex {
 /// Triangles with counterclockwise corners as seen from outside.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// Vertices.
+    /// Corners, which triangles share.
     pub vertices: Vec<Vertex>,
     /// Indices of the three vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
@@ -175,7 +175,7 @@ impl Mesh {
         }
     }
 
-    /// A cylinder.
+    /// Adds a cylinder with flat ends.
     pub fn cylinder(&mut self, from: Vector, to: Vector, radius: f32, segments: usize, paint: Paint) {
         let along = to - from;
         let length = along.norm();

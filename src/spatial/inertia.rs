@@ -123,7 +123,7 @@ impl<P: Copy> SpatialInertia<P> {
 }
 
 impl<L: Lane> SpatialInertia<L> {
-    /// Zero.
+    /// Inertia of no mass.
     #[inline(always)]
     pub fn zero() -> Self {
         let zero = L::zero();

@@ -9,7 +9,7 @@ pub struct PrivilegedPart {
     pub name: &'static str,
     /// Number of entries.
     pub length: usize,
-    /// Unit.
+    /// Unit of the entries.
     pub unit: &'static str,
     /// Meaning and axes.
     pub description: &'static str,

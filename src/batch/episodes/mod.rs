@@ -103,7 +103,7 @@ impl TaskBatch {
         Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, storage })
     }
 
-    /// The task.
+    /// Task of all instances.
     pub fn task(&self) -> &Task {
         &self.task
     }

@@ -121,7 +121,7 @@ pub(super) fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T]
 /// Result of a step for one instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResult {
-    /// Reward.
+    /// Reward of the control period.
     pub reward: f64,
     /// End of the episode for a reason within the task.
     pub terminated: bool,
@@ -134,7 +134,7 @@ pub struct StepResult {
 /// The end of an episode whose successor began in the same step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Final {
-    /// Instance.
+    /// Number of the instance in the batch.
     pub instance: usize,
     /// Last observation.
     pub observation: Vec<f32>,
@@ -162,7 +162,7 @@ impl Final {
 pub struct Transition {
     /// Observations, (N, d).
     pub observations: Vec<f32>,
-    /// Rewards.
+    /// Rewards of the control period, (N,).
     pub rewards: Vec<f64>,
     /// Ends of episodes for a reason within the task.
     pub terminated: Vec<bool>,

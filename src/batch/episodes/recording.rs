@@ -11,7 +11,7 @@ use crate::limits::interrupt;
 /// Controller on perfect observations, whose actions are recorded.
 #[derive(Clone, Copy)]
 pub struct Teacher<'a> {
-    /// The controller.
+    /// Controller that sees the true state.
     pub controller: &'a dyn Controller,
     /// Its actions are taken in place of the actor's.
     pub acts: bool,

@@ -37,7 +37,7 @@ impl Default for RolloutStats {
 /// Record of one instance's control periods up to its episode's end.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
-    /// Instance.
+    /// Number of the instance in the batch.
     pub instance: usize,
     /// Observations of the controller, (T, d).
     pub observations: Vec<f32>,

@@ -14,7 +14,7 @@ use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
 
 /// Kernel of the accelerations of blocks of instances.
 pub struct Accelerate<'a, T> {
-    /// The system.
+    /// System with the parameters that all instances share.
     pub system: &'a System<Shared<T>>,
     /// Unscaled terms of its bodies, where instances differ in their parameters.
     pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,

@@ -37,7 +37,7 @@ const CALL: f64 = 3.0;
 pub enum Follow {
     /// All; the companions are part of the saved state.
     Saved,
-    /// All.
+    /// All instances.
     All,
     /// A few of each chunk, in turns.
     Turns,
@@ -375,7 +375,7 @@ impl ChunkCompanions {
         track.time = rest[20 + joints];
     }
 
-    /// Bytes.
+    /// Memory of the companions, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.rows[..]) + size_of_val(&self.own[..]) + size_of_val(&self.tracks[..])
     }

@@ -55,7 +55,7 @@ impl<L: Lane> StationServo<L> {
 
 /// Equations of motion of a system under loads, in the frame that moves with the water.
 pub struct EquationsOfMotion<'a, L: Lane, P> {
-    /// The system.
+    /// System with the parameters of the instances in the lanes.
     pub system: &'a System<P>,
     /// Loads on joints and links.
     pub loads: &'a mut ArmLoads<L>,

@@ -39,7 +39,7 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
 /// Wide lanes: production methods with parameters that all instances share. `StepScaled` does the rest. Scalar lanes:
 /// everything.
 pub struct Step<'a, T> {
-    /// The system.
+    /// System with the parameters that all instances share.
     pub system: &'a System<Shared<T>>,
     /// The system in scalars, made beforehand: [`System::allocate_scaled`] takes long for a single instance.
     pub scalar_system: Option<&'a System<T>>,

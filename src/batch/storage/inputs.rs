@@ -111,7 +111,7 @@ pub fn check_rotation(name: &'static str, instance: usize, rotation: &na::Matrix
 
 /// Checked inputs of one call.
 pub struct CheckedInputs<'a> {
-    /// The inputs.
+    /// Inputs of all instances.
     pub inputs: Inputs<'a>,
     /// The scene's thruster allocation.
     pub allocation: &'a Allocation,

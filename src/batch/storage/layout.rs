@@ -16,9 +16,9 @@ pub struct Layout {
     pub position: usize,
     /// Absolute body twist, 6.
     pub twist: usize,
-    /// q.
+    /// Joint coordinates.
     pub q: usize,
-    /// q'.
+    /// Joint rates.
     pub qd: usize,
     /// Rounding error of q (compensated sum), in single precision.
     pub q_rest: usize,

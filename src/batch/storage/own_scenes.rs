@@ -45,7 +45,7 @@ impl OwnScenes {
         Ok(Self { scenes, allocations, own_actuators })
     }
 
-    /// The scenes.
+    /// Scene of each instance.
     pub fn scenes(&self) -> &[Scene] {
         &self.scenes
     }

@@ -42,7 +42,7 @@ impl Table {
         }
     }
 
-    /// State.
+    /// State of an instance.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
         let layout = &self.layout;
         let place = |k| self.get(rows, i, layout.position + k);

@@ -16,7 +16,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Identity.
+    /// Pose of the reference frame itself.
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), position: Vector3::zeros() }
     }
