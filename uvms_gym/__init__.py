@@ -31,6 +31,7 @@ except ModuleNotFoundError as error:
 from uvms_gym import controllers as controllers
 from uvms_gym import disturbances as disturbances
 from uvms_gym import envs as envs
+from uvms_gym import inputs as inputs
 from uvms_gym import logs as logs
 from uvms_gym import planning as planning
 from uvms_gym import robots as robots
