@@ -43,34 +43,18 @@ def scenes() -> list[dict[str, Any]]:
     return all_scenes
 
 
-def drive(s: Simulator, thrust: np.ndarray) -> dict[str, np.ndarray]:
-    s.step(thrust=thrust, substeps=7)
-    return state_of(s)
-
-
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("integrator", ["mk4", "ros2", "quaternion-rk4"])
-def test_each_instance_is_its_scene_alone(integrator: str, dtype: str) -> None:
+def test_parameters_are_the_scenes_by_hand() -> None:
     thrust = np.random.default_rng(2).uniform(-20, 20, (N, Simulator("petasus-pum").num_thrusters))
-    batch = Simulator("petasus-pum", integrator=integrator, dtype=dtype, parameters=parameters())
+    batch, by_hand = Simulator("petasus-pum", parameters=parameters()), Simulator(scenes())
     assert batch.num_envs == N
-    accelerations = batch.forward_dynamics(thrust=thrust)
-    states = drive(batch, thrust)
-    assert_same(states, drive(Simulator(scenes(), integrator=integrator, dtype=dtype), thrust))
-    for i, scene in enumerate(scenes()):
-        alone = Simulator(scene, integrator=integrator, dtype=dtype)
-        assert np.array_equal(accelerations[i], alone.forward_dynamics(thrust=thrust[i])[0])
-        assert_same({name: value[i : i + 1] for name, value in states.items()}, drive(alone, thrust[i]))
-
-
-def test_the_model_is_that_of_each_scene() -> None:
-    batch = Simulator(scenes())
     assert [scene["vehicle"]["body"]["mass"] for scene in batch.scenes] == parameters()[MASS].tolist()
-    for i, scene in enumerate(scenes()):
-        alone = Simulator(scene)
-        assert np.array_equal(batch.mass_matrix()[i], alone.mass_matrix()[0])
-        assert np.array_equal(batch.linearize()[0][i], alone.linearize()[0][0])
-        assert np.array_equal(batch.trim()["thrust"][i], alone.trim()["thrust"][0])
+    assert np.array_equal(batch.forward_dynamics(thrust=thrust), by_hand.forward_dynamics(thrust=thrust))
+    for s in (batch, by_hand):
+        s.step(thrust=thrust, substeps=7)
+    assert_same(state_of(batch), state_of(by_hand))
+    alone = Simulator(scenes()[3])
+    alone.step(thrust=thrust[3], substeps=7)
+    assert np.array_equal(batch.twist[3], alone.twist[0])
 
 
 def test_homes_and_currents_are_their_own() -> None:
@@ -82,18 +66,6 @@ def test_homes_and_currents_are_their_own() -> None:
         assert s.current.tolist() == [[0.1, 0, 0], [0, 0.2, 0]]
         s.step()
         s.reset()
-
-
-def test_factors_apply_to_the_numbers_of_each_instance() -> None:
-    factors = np.linspace(0.8, 1.2, N)
-    batch = Simulator(scenes())
-    batch.scale_parameters(mass=factors, payload=0.3)
-    batch.step(substeps=5)
-    for i, scene in enumerate(scenes()):
-        alone = Simulator(scene)
-        alone.scale_parameters(mass=factors[i], payload=0.3)
-        alone.step(substeps=5)
-        assert np.array_equal(batch.twist[i], alone.twist[0])
 
 
 def test_copies_and_pickles_keep_their_scenes() -> None:

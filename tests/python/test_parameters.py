@@ -5,9 +5,9 @@ import pickle
 
 import numpy as np
 import pytest
-from helpers import assert_same, bodies, moving, state_of
+from helpers import assert_same, moving, state_of
 
-from uvms_gym import Simulator, load_scene
+from uvms_gym import Simulator
 
 NAMES = ["mass", "added_mass", "linear_damping", "quadratic_damping", "volume", "payload", "thrust", "thruster_lag"]
 NEUTRAL = {name: float(name != "payload") for name in NAMES}
@@ -48,39 +48,6 @@ def test_weak_thrusters_give_less() -> None:
     thrust[1] *= 0.5
     full.step(thrust=thrust, substeps=20)
     assert_same(state_of(weak), state_of(full))
-
-
-@pytest.mark.parametrize("name", ["bluerov2-heavy", "petasus-pum", "bluerov2-heavy-alpha5"])
-def test_factors_are_those_of_a_scene_with_other_numbers(name: str) -> None:
-    scene = load_scene(name)
-    for body in bodies(scene):
-        body["mass"] *= 1.2
-        body["inertia"] = (1.2 * np.array(body["inertia"])).tolist()
-        body["added_mass"] = (0.8 * np.array(body["added_mass"])).tolist()
-        body["damping"]["linear"] = (0.7 * np.array(body["damping"]["linear"])).tolist()
-        body["damping"]["quadratic"] = (1.5 * np.array(body["damping"]["quadratic"])).tolist()
-    scene["provenance"] = {}
-    twin, varied = moving(scene), moving(name)
-    varied.scale_parameters(mass=1.2, added_mass=0.8, linear_damping=0.7, quadratic_damping=1.5)
-    assert np.allclose(varied.mass_matrix(), twin.mass_matrix(), rtol=1e-13, atol=1e-15)
-    for s in (twin, varied):
-        s.step(thrust=10.0 * np.ones(s.num_thrusters), substeps=50)
-    for part, value in state_of(varied).items():
-        assert np.allclose(value, state_of(twin)[part], rtol=1e-11, atol=1e-12), part
-
-
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy-alpha5"])
-def test_neighbours_with_other_parameters_do_not_matter(scene: str, dtype: str) -> None:
-    alone, among = moving(scene, 9, dtype=dtype), moving(scene, 9, dtype=dtype)
-    factors = np.linspace(0.8, 1.4, 9)
-    factors[4] = 1.0
-    among.scale_parameters(mass=factors, volume=factors[::-1])
-    for s in (alone, among):
-        s.step(substeps=20)
-    untouched, neighbour = ({k: v[4:5] for k, v in state_of(s).items()} for s in (alone, among))
-    assert_same(neighbour, untouched)
-    assert not np.array_equal(alone.twist[0], among.twist[0])
 
 
 def test_copies_keep_parameters() -> None:

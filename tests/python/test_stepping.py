@@ -1,4 +1,4 @@
-"""Steps: determinism, interruption, threads."""
+"""Steps: instruction sets, calls and their parts, targets, interruption."""
 
 import hashlib
 import itertools
@@ -15,43 +15,6 @@ from helpers import assert_same, moving, random_inputs, state_of
 from uvms_gym import Simulator, scene_names
 
 DTYPES = ["float64", "float32"]
-
-
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("integrator", ["mk4", "rk4-normalise"])
-@pytest.mark.parametrize("name", ["petasus-pum", "rexrov"])
-def test_an_instance_does_not_depend_on_its_neighbours(name: str, integrator: str, dtype: str) -> None:
-    results = []
-    for num_envs in (1, 7, 40):
-        s = moving(name, num_envs, integrator=integrator, dtype=dtype)
-        s.step(**random_inputs(s), substeps=5)
-        results.append(state_of(s))
-    for fewer, more in itertools.pairwise(results):
-        count = len(fewer["time"])
-        assert_same(fewer, {part: value[:count] for part, value in more.items()})
-
-
-def test_an_instance_does_not_depend_on_its_place() -> None:
-    s = moving("petasus-pum", 19)
-    state, inputs = state_of(s), random_inputs(s)
-    state.pop("quaternion")
-    other = Simulator("petasus-pum", 19)
-    other.set_state(**{part: value[::-1] for part, value in state.items()})
-    for simulator, order in ((s, 1), (other, -1)):
-        simulator.step(**{name: value[::order] for name, value in inputs.items()}, substeps=5)
-    assert_same(state_of(s), {part: np.ascontiguousarray(value[::-1]) for part, value in state_of(other).items()})
-
-
-# Some of the 700 starts are violent.
-@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
-def test_an_instance_does_not_depend_on_threads() -> None:
-    results = []
-    for threads in (1, 2, 5):
-        s = moving("petasus-pum", 700, threads=threads)
-        s.step(**random_inputs(s), substeps=2)
-        results.append(state_of(s))
-    for other in results[1:]:
-        assert_same(results[0], other)
 
 
 DIGEST = """
