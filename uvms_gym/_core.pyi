@@ -1,4 +1,4 @@
-"""The native part of `uvms_gym`."""
+"""The native part of `uvms_gym`. `help` documents `Task`, `Rollout`, `Controller` and `Mlp`, which only this package calls."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -68,12 +68,8 @@ class _Mode(TypedDict):
     where: str
     end_stop: bool
 
-def tasks() -> list[tuple[str, str]]:
-    """Tasks: name and environment."""
-
-def task_defaults(task: str) -> dict[str, Any]:
-    """Default options of the task of that name, as plain values."""
-
+def tasks() -> list[tuple[str, str]]: ...
+def task_defaults(task: str) -> dict[str, Any]: ...
 def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
 
@@ -111,12 +107,8 @@ def import_urdf(
 ) -> tuple[dict[str, Any], list[str]]:
     """A vehicle with the arm of a URDF file, and remarks on the import; see `uvms_gym.import_urdf`."""
 
-def gain_names(kind: str) -> list[str]:
-    """Names of the gains of a classical controller."""
-
-def trajectory_inputs(simulator: Simulator, names: Sequence[str]) -> list[int]:
-    """Widths of inputs that a trajectory chooses; ValueError for an input that the scene does not have."""
-
+def gain_names(kind: str) -> list[str]: ...
+def trajectory_inputs(simulator: Simulator, names: Sequence[str]) -> list[int]: ...
 def optimize_trajectory(
     simulator: Simulator,
     inputs: Sequence[str],
@@ -126,9 +118,7 @@ def optimize_trajectory(
     substeps: int,
     iterations: int,
     tolerance: float,
-) -> dict[str, Any]:
-    """Trajectories of minimum cost; see `uvms_gym.optimize_trajectory`."""
-
+) -> dict[str, Any]: ...
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
 
@@ -446,7 +436,6 @@ class Task:
     """Batch of episodes of a task; the environments in `uvms_gym.envs` document its arguments and attributes."""
 
     INFO: ClassVar[list[str]]
-    """Names of the metrics that all tasks share, in the order of the rows of `info`."""
     metric_names: Final[list[str]]
     num_envs: Final[int]
     scene: Final[dict[str, Any]]
@@ -454,11 +443,8 @@ class Task:
     action_layout: Final[list[dict[str, Any]]]
     privileged_layout: Final[list[dict[str, Any]]]
     control_period: Final[float]
-    """Control period, s."""
     delays: Final[tuple[int, int]]
-    """Minimum and maximum age of the measurements, control periods."""
     observation_bound: Final[NDArray[np.float32]]
-    """Maximum magnitude of each entry of an observation, (d,)."""
     def __new__(
         cls,
         scene: _Scene,
@@ -472,48 +458,26 @@ class Task:
         max_episode_steps: int | None = None,
         error_estimate: bool | None = None,
     ) -> Task: ...
-    def error_estimate(self) -> dict[str, NDArray[Any]]:
-        """Estimated errors of integration since the start of the episodes: `Simulator.error_estimate`."""
-    def snapshot(self) -> Simulator:
-        """Simulator with a copy of the current state."""
-    def privileged(self) -> _Floats:
-        """Privileged information: true state, flow, parameters and target, (N, m)."""
-    def perfect_observations(self) -> NDArray[np.float32]:
-        """Observations of the true, present state, (N, d): sensors without noise and delay."""
+    def error_estimate(self) -> dict[str, NDArray[Any]]: ...
+    def snapshot(self) -> Simulator: ...
+    def privileged(self) -> _Floats: ...
+    def perfect_observations(self) -> NDArray[np.float32]: ...
     def record(
         self, actor: Mlp, noise: NDArray[np.float32], teacher: Controller | None = None, *, teacher_acts: bool = False
-    ) -> dict[str, NDArray[Any]]:
-        """Episodes of all instances for training, T control periods under `actor` with noise (N, T, a) on its actions.
-
-        Returns observations (N, h - 1 + T, d) after h - 1 rows of zeros, h the actor's history; perfect observations
-        (N, T + 1, d); actions (N, T, a), not clipped; rewards, alive and terminated (N, T); with a teacher its actions
-        on perfect observations, targets (N, T, a), which are taken in place of the actor's if it acts.
-        """
+    ) -> dict[str, NDArray[Any]]: ...
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
-    ) -> tuple[NDArray[np.float32], _Floats]:
-        """Start episodes, of all or of `mask`, with `given` parts of the start; observations (N, d), metrics (k, N)."""
-    def step(self, actions: NDArray[np.float32], out: _StepArrays) -> _Finals | None:
-        """One control period of all instances under `actions` (N, a).
-
-        Writes observations (N, d), rewards, terminated and truncated (N,), and metrics (k, N) to `out`. Returns the
-        ends of e episodes that were replaced: instances (e,), last observations (e, d), metrics (k, e) and privileged
-        information (e, m).
-        """
-    def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
-        """One control period of a single instance under `action` (a,), float32; TypeError for anything else."""
-    def episodes(self) -> dict[str, NDArray[Any]]:
-        """Drawn parts and progress of the episodes: `uvms_gym.envs.TaskEnv.episode` lists them."""
-    def disturbance(self, i: int, steps: int) -> dict[str, _Floats]:
-        """Disturbance of instance `i` over the next `steps` control periods: `uvms_gym.envs.TaskEnv.disturbance`."""
-    def paths(self, count: int) -> _Floats:
-        """(N, count, 3) points along the reference paths of the end effectors; count is 0 for tasks without a path."""
-    def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
-        """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
-    def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout:
-        """Rollout of a controller from blank memory; `trace` lists the instances to record."""
-    def run(self, rollout: Rollout, steps: int) -> None:
-        """Run `steps` control periods of all instances from the present; after its episode an instance waits."""
+    ) -> tuple[NDArray[np.float32], _Floats]: ...
+    def step(self, actions: NDArray[np.float32], out: _StepArrays) -> _Finals | None: ...
+    def step_one(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]: ...
+    def episodes(self) -> dict[str, NDArray[Any]]: ...
+    def disturbance(self, i: int, steps: int) -> dict[str, _Floats]: ...
+    def paths(self, count: int) -> _Floats: ...
+    def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller: ...
+    def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout: ...
+    def run(self, rollout: Rollout, steps: int) -> None: ...
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[_Floats, _Floats]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
@@ -522,23 +486,17 @@ class Task:
 class Rollout:
     """Memory of a controller for a batch's instances, and statistics of the steps so far."""
     @property
-    def traces(self) -> list[dict[str, Any]]:
-        """Records of the chosen instances: instance, observations (T, d), actions (T, a), rewards (T,), info (T, k)."""
-    def pop_stats(self) -> dict[str, Any]:
-        """Return the statistics so far, as of `uvms_gym.rollouts.RolloutStats`, and clear them; the memory stays."""
+    def traces(self) -> list[dict[str, Any]]: ...
+    def pop_stats(self) -> dict[str, Any]: ...
 
 @disjoint_base
 class Controller:
     """A native controller: called by `act`, or in a closed loop by `Task.run`."""
 
     widths: Final[list[int]]
-    """Lengths of a row of observations, memory and actions."""
     gains: Final[dict[str, Any]]
-    """Gains by name: numbers and arrays."""
     memory_layout: Final[list[tuple[str, int]]]
-    """Name and length of each block of an instance's memory, in order."""
-    def act(self, observations: NDArray[np.float32], memory: _Floats) -> tuple[NDArray[np.float32], _Floats]:
-        """Actions (n, a) for observations (n, d) and memory (n, m), and the updated memory."""
+    def act(self, observations: NDArray[np.float32], memory: _Floats) -> tuple[NDArray[np.float32], _Floats]: ...
 
 @final
 class Mlp(Controller):
@@ -557,18 +515,13 @@ class Mlp(Controller):
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
-    def from_bytes(bytes: bytes) -> Mlp:
-        """The policy of a safetensors file."""
-    def to_bytes(self) -> bytes:
-        """The policy as a safetensors file."""
-    def check(self, task: Task, *, residual: bool) -> None:
-        """ValueError for a task other than the policy's, for the policy by itself or as a residual policy."""
-    def correcting(self, base: Controller, limit: float) -> Controller:
-        """A controller plus the corrections of this network, of magnitude at most `limit`."""
+    def from_bytes(bytes: bytes) -> Mlp: ...
+    def to_bytes(self) -> bytes: ...
+    def check(self, task: Task, *, residual: bool) -> None: ...
+    def correcting(self, base: Controller, limit: float) -> Controller: ...
     residual: Final[bool]
     history: Final[int]
     sizes: Final[list[int]]
     spec: Final[dict[str, Any] | None]
     notes: Final[dict[str, str]]
     activation: Final[str]
-    """Function between layers."""
