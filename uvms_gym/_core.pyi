@@ -1,4 +1,4 @@
-"""The native part of `uvms_gym`. `help` documents `Task`, `Rollout`, `Controller` and `Mlp`, which only this package calls."""
+"""The native part of `uvms_gym`. `help` documents the classes that only this package calls."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
