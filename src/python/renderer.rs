@@ -18,17 +18,17 @@ use uvms_gym::render::{self, RenderState, Settings};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
-/// A picture depends on the scene and the arguments alone, byte for byte. World z is up. What is not finite is left out.
+/// A picture depends only on the scene and the arguments, byte for byte. World z is up. Poses that are not finite are not drawn.
 ///
 /// Parameters
 /// ----------
 /// scene : str, os.PathLike or dict
-///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. `vehicle.shape` says what
-///     the vehicle looks like; without it, it is the even box of its mass and inertia.
+///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. `vehicle.shape` is
+///     the shape of the vehicle; the default is a homogeneous box of the same mass and inertia.
 /// width, height : int
 ///     Pixels, 1 to 4096.
 /// azimuth, elevation : float
-///     Direction from what is looked at to the camera, rad: about the vertical from x, and above the horizontal.
+///     Direction from the point in the centre to the camera, rad: about the vertical from x, and above the horizontal.
 /// distance : float or None
 ///     Distance of the camera, m; by the size of the scene where None.
 /// floor : float or None
@@ -122,9 +122,8 @@ impl Renderer {
 
     /// Draw the scene in a state.
     ///
-    /// The camera looks at the target, or at the vehicle without one; and not so far from the vehicle that this would
-    /// leave the picture. Where `point` or `dock` would be outside, it goes back until both are inside, unless the
-    /// renderer has a `distance`. The GIL is released.
+    /// The camera points at the target, or at the vehicle without one, so that the vehicle stays in the picture. It moves
+    /// back until `point` and `dock` are in the picture, unless the renderer has a `distance`. The GIL is released.
     ///
     /// Parameters
     /// ----------
@@ -149,7 +148,7 @@ impl Renderer {
     /// current : array_like (3,)
     ///     Velocity of the water in the world, m/s: drifting motes.
     /// payload : float
-    ///     Mass at the end effector besides the scene's own, kg.
+    ///     Mass at the end effector in addition to the scene's payload, kg.
     /// time : float
     ///     Time, s: motes and the light on the floor go by it.
     ///

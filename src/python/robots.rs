@@ -64,8 +64,8 @@ pub fn lint_scene(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 ///
 /// Added mass: potential flow for ellipsoids and capsules (Lamb 1932), strip theory and the tables of DNV-RP-H103 for boxes
 /// and cylinders. Quadratic drag: projected areas and published coefficients (Hoerner, White, DNV-RP-C205). Linear drag:
-/// equal to the quadratic drag at `speed`. Shapes do not shield each other. Expect tens of percent of error, and several times
-/// that of open frames.
+/// equal to the quadratic drag at `speed`. Shapes do not shield each other. Expect errors of tens of percent, and several
+/// times more for open frames.
 ///
 /// Parameters
 /// ----------
@@ -74,10 +74,10 @@ pub fn lint_scene(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 ///     shape has one of box ([x, y, z] edges, m), cylinder or capsule ({"radius", "length", "axis": "x"}; a capsule's
 ///     length without its ends) and ellipsoid ([a, b, c] semi-axes, m), and may have name, position (m) and rpy (rad) in
 ///     the body frame, ends ("free", or "joined" to the next part of an arm), perforation (open part of the faces, 0 to
-///     0.5, for all axes or each), solidity (drag over that of the closed shape, likewise), displaced (part of the
-///     envelope that displaces water), mass (kg) or relative_density (1: neutral).
+///     0.5, for all axes or each), solidity (drag over drag of the closed shape, for all axes or each), displaced
+///     (part of the envelope that displaces water), mass (kg) or relative_density (1: neutral).
 /// table : str
-///     Table that the TOML text is for.
+///     Key of the table in the TOML text.
 ///
 /// Returns
 /// -------

@@ -53,9 +53,9 @@ use uvms_gym::limits::memory;
 ///     addition to joints that the scene prescribes (`joint.prescribed`).
 /// error_estimate : bool or None
 ///     True to estimate the errors of integration that have accumulated, of every instance at every step: see the method
-///     `error_estimate`. A call of `step` then takes 3.3 times as long, 5.5 times in float32. None: errors are watched for
-///     warnings alone, of all instances up to eight, of more in turns, eight out of every 128 for 20 s at a time, which takes about
-///     1 % of a step on average. False: not at all.
+///     `error_estimate`. A call of `step` then takes 3.3 times as long, 5.5 times in float32. None: errors are
+///     estimated only for warnings, of all instances up to eight, otherwise of eight out of every 128 in turns of 20 s, which
+///     takes about 1 % of a step on average. False: no estimates.
 ///
 /// Raises
 /// ------

@@ -289,8 +289,8 @@ impl Task {
 }
 
 impl Task {
-    /// Control periods of the batch without the GIL, and their warnings. Ctrl-C interrupts many: instances have then taken some of
-    /// them, not all equally many.
+    /// Control periods of the batch without the GIL, and their warnings. Ctrl-C interrupts a long call: instances
+    /// may then have advanced by different numbers of periods.
     pub(super) fn advance<R: Send>(
         &mut self,
         py: Python<'_>,

@@ -1,4 +1,4 @@
-//! Step monitoring: stable steps from a scene's modes beforehand, stiffness and error of the steps while they are taken.
+//! Step monitoring: stable steps from a scene's modes beforehand, stiffness and error of the steps during the simulation.
 
 pub mod error_estimate;
 pub mod modal_analysis;

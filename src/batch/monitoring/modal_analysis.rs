@@ -18,7 +18,7 @@ use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
 use crate::system::{Compiled, JOINTS, Joints, State};
 
-/// Configurations of the arm besides home.
+/// Number of configurations of the arm in addition to home.
 const SPREAD: usize = 8;
 /// Maximum expected speed of a vehicle, m/s and rad/s.
 const FASTEST: f64 = 5.0;
@@ -26,7 +26,7 @@ const FASTEST: f64 = 5.0;
 const JOINT_SPEED: [f64; 2] = [1.0, 0.25];
 /// Range of a joint without limits, to either side: revolute rad, prismatic m.
 const JOINT_RANGE: [f64; 2] = [std::f64::consts::PI, 0.5];
-/// Minimum share of a mode's energy of a coordinate that is named besides the maximum.
+/// Minimum share in a mode's energy of a further coordinate that its description names.
 const NAMED: f64 = 0.3;
 /// Rates below this are rounding, 1/s.
 const SLOW: f64 = 1e-4;

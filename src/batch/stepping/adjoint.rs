@@ -185,7 +185,7 @@ impl Kernel<f64> for Reverse<'_, '_> {
 
 /// Portions of recorded steps.
 struct Portions {
-    /// Next step, and the first that is not taken.
+    /// Next step, and the step after the last one.
     next: usize,
     end: usize,
     /// Records at a time.

@@ -230,7 +230,7 @@ impl ChunkCompanions {
         }
     }
 
-    /// The companion of instance `i` takes the numbers of its own before the next step.
+    /// Lets the companion of instance `i` copy the instance's own numbers before the next step.
     pub fn own_changed(&mut self, i: usize) {
         if let Some(column) = self.column(i) {
             self.tracks[column].own_stale = true;
@@ -254,8 +254,8 @@ impl ChunkCompanions {
         Some((scene.table.state(&self.rows, column), self.tracks[column].relative))
     }
 
-    /// Steps the companions at half the step, beside steps that the instances are to take from their present states under their
-    /// present loads. Returns false where none is followed.
+    /// Steps the companions at half the step, before the steps of their instances from the present states under the present
+    /// loads. Returns false where no instance is followed.
     pub fn step<T: Real>(
         &mut self,
         scene: &CompanionScene,
@@ -299,9 +299,9 @@ impl ChunkCompanions {
             let own = leaders.own.map(|(layout, _)| layout.columns(&self.own));
             let (layout, count) = (&scene.table.layout, self.count);
             parameters.steps(layout, own, scaled, &settings, count, &mut self.rows).run(scene.isa);
-            // After the last step of the call the comparison looks.
-            let looks = if next % SEGMENT == 0 && next < total { count } else { 0 };
-            for column in 0..looks {
+            // After the last step of the call the comparison updates the scales.
+            let widened = if next % SEGMENT == 0 && next < total { count } else { 0 };
+            for column in 0..widened {
                 self.tracks[column].widen(&scene.table.state(&self.rows, column), layout.joints);
             }
         }

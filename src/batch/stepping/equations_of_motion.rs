@@ -67,7 +67,7 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub wrench: Vector6<L>,
     /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
     pub thrust: Option<(ThrustCourse<L>, L)>,
-    /// In place of it, where inflow takes thrust: the thrusts in still water.
+    /// Thrusts in still water in place of `thrust`, where inflow reduces them.
     pub lossy: Option<(&'a mut ThrustCourses<L>, L)>,
     /// The vehicle's servo, where it is on.
     pub station: Option<StationServo<L>>,

@@ -23,11 +23,11 @@ pub struct PlaceCotangents<L> {
 /// Cotangents of inputs and parameters, added up over stages and steps.
 #[derive(Debug, Clone)]
 pub struct InputCotangents<L> {
-    /// Cotangent of the held wrench on the vehicle.
+    /// Cotangent of the wrench on the vehicle, constant over a call.
     pub wrench: Vector6<L>,
     /// Cotangent of the wrench of thrusters with dynamics over the present step.
     pub course: CourseCotangents<L>,
-    /// Cotangent of their thrusts over it, where inflow takes part of them.
+    /// Cotangent of their thrusts over the step, where inflow reduces them.
     pub thrusts: ThrustCotangents<L>,
     /// Cotangent of the loads on joints and links.
     pub loads: ArmLoads<L>,

@@ -37,7 +37,7 @@ pub struct Track {
 /// Stage of following.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stage {
-    /// The companion takes the state of the instance before the next step.
+    /// The companion copies the state of the instance before the next step.
     Fresh,
     /// It has been given the same state, to more digits.
     Given,
