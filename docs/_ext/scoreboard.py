@@ -8,21 +8,14 @@ from sphinx.application import Sphinx
 
 from uvms_gym.controllers.families import is_bound, is_learned
 from uvms_gym.controllers.registry import PRETRAINED
+from uvms_gym.studies.comparison.catalogue import figures
 from uvms_gym.studies.comparison.scoreboard import read_entries
 
 SUBMITTED = Path(__file__).parents[1] / "scoreboard"
 
 
 def _cells(metrics: dict[str, Any]) -> list[str]:
-    pose, power, variation = (metrics[name]["whole"] for name in ("pose", "power", "variation"))
-    low, value, high = (1e3 * pose["iqm"][end] for end in ("low", "value", "high"))
-    return [
-        f"{value:.2f} [{low:.2f}, {high:.2f}]",
-        f"{1e3 * pose['p95']['value']:.1f}",
-        f"{1e2 * power['iqm']['value']:.1f}",
-        f"{1e3 * variation['iqm']['value']:.2f}",
-        f"{1e2 * metrics['diverged']['whole']['mean']['value']:.1f}",
-    ]
+    return [*figures(metrics), f"{1e2 * metrics['diverged']['whole']['mean']['value']:.1f}"]
 
 
 class Scoreboard(MarkdownDirective):

@@ -12,12 +12,14 @@ import pytest
 from helpers import SMALL, layers, observations
 
 import uvms_gym
-from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
+from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion, _core
 from uvms_gym.cli import main
+from uvms_gym.cli.common import console
 from uvms_gym.controllers import NoControl, registry
 from uvms_gym.controllers.base import ClassicalController
 from uvms_gym.controllers.families import CONTROLLERS, FAMILIES, TASKS, canonical, is_learned, names, split
 from uvms_gym.controllers.registry import Unavailable, available, make_controller, policies_in, seeds
+from uvms_gym.studies.comparison.catalogue import gain_texts
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.training.evaluation import run_episodes
 
@@ -314,3 +316,39 @@ def test_every_classical_controller_is_made_for_its_tasks(name: str) -> None:
         observation, _ = env.reset(seed=0)
         action, _ = made.predict(observation)
         assert action.shape == env.action_space.shape
+
+
+def test_the_command_lists_families_settings_gains_and_results(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "width", 300)
+
+    def shown(*arguments: str) -> str:
+        assert main(["controllers", *arguments]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    text = shown()
+    assert all(family in text for family in FAMILIES) and "quick (default)" in text and "Gains" not in text
+    text = shown("dob/calm")
+    tuned = make_controller("dob/calm", gymnasium.make(STORM))
+    assert f"dob/calm: kp={np.asarray(tuned.kp).tolist()}" in text  # type: ignore[attr-defined]
+    assert "effort 1.1, variation 1.2" in text and "storm, delay 1" in text and "25.77 [25.36, 26.23]" in text
+    assert "dob/still" not in text and "dob/still" in shown("dob")
+    text = shown("--env", STORM)
+    assert "shac-distilled/wide" in text and "storm-wide, delay 0 to 3" in text and "resolved" not in text
+    assert "Nothing is tuned or trained for scene rexrov" in shown("--scene", "rexrov")
+    for arguments, words in (
+        (["dob/clam"], "did you mean calm?"),
+        (["--env", "CartPole-v1"], "CartPole-v1' is no env"),
+    ):
+        assert main(["controllers", *arguments]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert words in line
+
+
+@pytest.mark.parametrize("kind", {entry.kind for entry in CONTROLLERS.values() if entry.kind is not None})
+def test_every_gain_has_a_meaning_of_its_own(kind: Any) -> None:
+    texts = gain_texts(kind)
+    assert list(texts) == _core.gain_names(kind.kind)
+    for name, text in texts.items():
+        assert len(text) > 20 and "Meaning as in" not in text and text.count("by default") <= 1, (name, text)

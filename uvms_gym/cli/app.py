@@ -18,6 +18,7 @@ from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.common import console, held
 from uvms_gym.cli.compare import compare, verify
+from uvms_gym.cli.controllers import controllers
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
 from uvms_gym.cli.fit import fit
@@ -50,7 +51,9 @@ def _register(group: typer.Typer, *commands: Callable[..., Any], **named: Callab
         group.command(name, short_help=" ".join(first.split("\n\n")[0].split()))(command)
 
 
-_register(app, reproduce, compare, verify, disturbances, play, train, validate, fit, accuracy, hard_cases, bench)
+_register(
+    app, reproduce, compare, verify, controllers, disturbances, play, train, validate, fit, accuracy, hard_cases, bench
+)
 _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate)
 _register(scenes_app, **{"import": robots.import_arm})

@@ -9,10 +9,8 @@ class NoControl(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of any task, single or vector; it determines the number of actions.
-    **options
-        Without `env`: arguments of its environment, and `task`, by default "station-keep". Errors as in `PD`.
+    env, **options
+        As in `PD`, of any task.
     """
 
     kind = "none"
@@ -59,13 +57,10 @@ class PID(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    env, **options
+        As in `PD`; `dt` and `substeps` matter, too.
     kp, kd : array_like (6,) or None
         Gains of `PD`.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt` and `substeps` matter. Errors as
-        in `PD`.
     ki : array_like (6,) or None
         Integral gains, N/(m s) and N m/(rad s). Where None, from the others by T_i = 2 T_d: `ki = kp**2 / (2 kd)`.
         (On a critically damped PD the slowest poles then have a damping ratio of 0.69.)
@@ -82,12 +77,10 @@ class PDRestoring(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    env, **options
+        As in `PD`.
     kp, kd : array_like (6,) or None
         Gains of `PD`.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene` and `action` matter. Errors as in `PD`.
     """
 
     kind = "pd-restoring"
@@ -102,13 +95,10 @@ class DockPD(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of docking, single or vector; it determines the scene and the kind of action.
+    env, **options
+        As in `PD`, of `UVMS-Dock`.
     kp, kd : array_like (6,) or None
         Gains of `PD`.
-    **options
-        Without `env`: arguments of `DockEnv`, of which `scene` and `action` matter. Errors as in `PD`; another task is
-        a `ValueError`.
     approach_speed : float or None
         Maximum speed of approach, m/s. 0.5 by default.
     turn_speed : float or None

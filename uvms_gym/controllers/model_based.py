@@ -43,13 +43,10 @@ class DOB(ModelBased):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    env, **options
+        As in `PD`; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
     kp, kd : array_like (6,) or None
         Gains of `PD`.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
-        the delay of `disturbance` matter. Errors as in `PD`.
     observer_bandwidth : array_like (2,) or None
         Bandwidth, linear and angular, rad/s; 0: no observer. 2 by default.
     wave_acceleration : array_like (2,) or None
@@ -60,8 +57,8 @@ class DOB(ModelBased):
         White noise on accelerations, m/s2 and rad/s2 times the root of a second. 0 by default.
     delay : int or None
         Age of measurements in control periods, which is compensated: the observer works at the instant of the
-        measurements, and the model predicts from there to the present, with the actions since. 0 to 100, 0 by default;
-        None: that of the environment's sensors.
+        measurements, and the model predicts from there to the present, with the actions since. 0 to 100; None: the age
+        in the environment's sensors. 0 by default.
     prediction_horizon : float or None
         Time beyond the present for which the model predicts before the feedback, s, at most 10: the thrusters' lag. 0
         by default.
@@ -104,13 +101,10 @@ class AdaptiveDOB(MultipleModel):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    env, **options
+        As in `PD`; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
     kp, kd : array_like (6,) or None
         Gains of `PD`.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
-        the delay of `disturbance` matter. Errors as in `PD`.
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
         Meaning as in `DOB`, for all models.
     delay : int or None
@@ -140,15 +134,20 @@ class ComputedTorque(ModelBased):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
-        the delay of `disturbance` matter. Errors as in `PD`.
+    env, **options
+        As in `PD`; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
     kp, kd : array_like (6,) or None
         Gains per body axis, 1/s2 and 1/s. Where None: the scene's, over the diagonal of M at home.
-    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon, delay
-        Meaning as in `DOB`; by default 8, 0.3, 1, (0.05, 0.3), 0 and that of the environment's sensors.
+    observer_bandwidth
+        Meaning as in `DOB`; 8 by default.
+    wave_acceleration
+        Meaning as in `DOB`; 0.3 by default.
+    acceleration_noise
+        Meaning as in `DOB`; (0.05, 0.3) by default.
+    wave_frequency, prediction_horizon
+        Meaning as in `DOB`.
+    delay
+        Meaning as in `DOB`; the age in the environment's sensors by default.
     """
 
     kind = "computed-torque"
@@ -166,11 +165,8 @@ class MPC(ModelBased):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping, single or vector; it determines the scene and the kind of action.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
-        the delay of `disturbance` matter. Errors as in `PD`.
+    env, **options
+        As in `PD`; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
     velocity : array_like (2,) or None
         Weights on velocities, linear and angular, s2. 0.02 by default.
     effort, change : array_like (2,) or None
@@ -202,12 +198,9 @@ class NMPC(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of station keeping or tracking, single or vector; it determines the scene and the kind of action.
-    **options
-        Without `env`: arguments of `StationKeepEnv` or `EETrackEnv`, of which `task`, `scene`, `action`, `dt`,
-        `substeps`, `preview`, `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; a delay beyond
-        10 is a `ValueError`, too.
+    env, **options
+        As in `PD`, also of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of
+        `disturbance` matter, too. A delay beyond 10 is a `ValueError`.
     velocity : array_like (3,) or None
         Weights on velocities: linear, angular and, in tracking, of joints, s2. 0.02 by default, in tracking
         (0.05, 0.05, 0.01).
@@ -226,7 +219,7 @@ class NMPC(ClassicalController):
     wave_acceleration, wave_frequency, acceleration_noise
         Meaning as in `ComputedTorque`; station keeping alone.
     delay : int or None
-        Age of measurements in control periods, which is compensated, 0 to 10. By default that of the environment's
+        Age of measurements in control periods, which is compensated, 0 to 10. By default the age in the environment's
         sensors.
     """
 
@@ -249,12 +242,9 @@ class ResolvedMotion(ClassicalController):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of end-effector tracking, single or vector; it determines the scene and the kind of action.
-    **options
-        Without `env`: arguments of `EETrackEnv`, of which `scene`, `action`, `dt`, `substeps`, `preview`,
-        `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; another task, actions that are
-        corrections to a controller, and a delay beyond 10 are each a `ValueError`, too.
+    env, **options
+        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of `disturbance`
+        matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
     pose_gain : float or None
         Pose error to the commanded twist, 1/s. 2.5 by default.
     twist_gain, joint_gain : float or None
@@ -273,8 +263,8 @@ class ResolvedMotion(ClassicalController):
         Bandwidths of the disturbance observer, rad/s: of forces and of moments on the vehicle, and of torques on
         joints; 0 estimates nothing there. 0 by default.
     delay : int or None
-        Age of measurements in control periods, which is compensated, 0 to 10. 0 by default; None: that of the
-        environment's sensors.
+        Age of measurements in control periods, which is compensated, 0 to 10; None: the age in the environment's
+        sensors. 0 by default.
     """
 
     kind = "resolved-motion"
@@ -299,12 +289,9 @@ class AdaptiveResolvedMotion(MultipleModel):
 
     Parameters
     ----------
-    env : UVMS environment or None
-        Environment of end-effector tracking, single or vector; it determines the scene and the kind of action.
-    **options
-        Without `env`: arguments of `EETrackEnv`, of which `scene`, `action`, `dt`, `substeps`, `preview`,
-        `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; another task, actions that are
-        corrections to a controller, and a delay beyond 10 are each a `ValueError`, too.
+    env, **options
+        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of `disturbance`
+        matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
     pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain
         Meaning as in `ResolvedMotion`, for all models.
     observer_bandwidth : array_like (3,) or None

@@ -165,10 +165,12 @@ def tuned(name: str, env: Any = None, **options: Any) -> dict[str, Any] | None:
     OSError, ValueError
         The file cannot be read or is malformed.
     """
-    return _tuned(name, PRETRAINED / place(env, **options) / "gains.json")
+    return tuned_at(name, place(env, **options))
 
 
-def _tuned(name: str, file: Path) -> dict[str, Any] | None:
+def tuned_at(name: str, at: Path) -> dict[str, Any] | None:
+    """As `tuned`, for a place."""
+    file = PRETRAINED / at / "gains.json"
     if not file.exists():
         return None
     try:
@@ -215,8 +217,8 @@ def _policy_file(name: str, seed: int | None, given: dict[str, Any], at: Path) -
 
 
 def _classical(entry: ControllerEntry, given: dict[str, Any], gains: str) -> Controller:
-    file = PRETRAINED / place(**given) / "gains.json"
-    if gains == "scene" or (stored := _tuned(entry.name, file)) is None:
+    at = place(**given)
+    if gains == "scene" or (stored := tuned_at(entry.name, at)) is None:
         return entry.make({}, **given)
     try:
         assert entry.kind is not None
@@ -225,7 +227,7 @@ def _classical(entry: ControllerEntry, given: dict[str, Any], gains: str) -> Con
             raise TypeError(f"unknown gain {min(unknown)!r}")
         made = entry.make(stored["gains"], **given)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{file}: {entry.name}: {error}") from None
+        raise ValueError(f"{PRETRAINED / at / 'gains.json'}: {entry.name}: {error}") from None
     if entry.setting.role == "bound":
         return made
     tuned_in, bridged = stored.get("tuning", {}).get("env"), made.gains.get("delay")
@@ -237,7 +239,7 @@ def _warn_of_training(name: str, notes: dict[str, str], given: dict[str, Any]) -
     env, arguments = notes.get("environment"), notes.get("env_kwargs", "{}")
     try:
         _warn_of_delay(name, env, native(given), arguments=arguments)
-        lag = _design(str(env), arguments)[1] if env in gymnasium.registry else given.get("thruster_lag")
+        lag = design(str(env), arguments)[1] if env in gymnasium.registry else given.get("thruster_lag")
     except (TypeError, ValueError):
         return  # Notes of another version.
     if lag != (here := given.get("thruster_lag")):
@@ -259,7 +261,7 @@ def _warn_of_delay(
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (minimum, most) = _design(env, arguments)[0], made.delays
+    (low, high), (minimum, most) = design(env, arguments)[0], made.delays
     if bridged == minimum == most or (most <= high and (minimum >= low or not is_learned(name))):
         return False
     defaults = not is_learned(name) and minimum == most
@@ -274,7 +276,7 @@ def _warn_of_delay(
 
 
 @functools.cache
-def _design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
+def design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
     """Minimum and maximum age of the measurements, control periods, and the thrusters' lag, s (None: the scene's).
 
     Of a registered environment with arguments as JSON.
@@ -287,10 +289,12 @@ def _design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
 
 
 def _policies(given: dict[str, Any], at: Path) -> dict[str, dict[int, Path]]:
-    """Files of the policies for these options, by controller and training seed."""
     # Policies are trained on wrenches.
-    if given.get("action", "wrench") != "wrench":
-        return {}
+    return policies_at(at) if given.get("action", "wrench") == "wrench" else {}
+
+
+def policies_at(at: Path) -> dict[str, dict[int, Path]]:
+    """Files of the policies for a place, by controller and training seed."""
     learned = {name.replace("/", "-"): name for name in names(learned=True)}
     found: dict[str, dict[int, Path]] = {name: {} for name in learned.values()}
     for folder in (folder / at for folder in FOLDERS if (folder / at).is_dir()):
