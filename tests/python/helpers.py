@@ -103,17 +103,6 @@ def bodies(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield scene["payload"]["body"]
 
 
-def dry(name: str) -> dict[str, Any]:
-    """A shipped scene without water, gravity and whatever else acts from outside."""
-    scene = load_scene(name)
-    scene["water"] = {"density": 0.0, "gravity": [0.0, 0.0, 0.0]}
-    scene["provenance"] = {}
-    for body in bodies(scene):
-        for key in ("added_mass", "damping", "volume", "buoyancy", "weight"):
-            body.pop(key, None)
-    return scene
-
-
 def fixed_base() -> dict[str, Any]:
     """The arm of petasus-pum on a vehicle that is held."""
     scene = copy.deepcopy(load_scene("petasus-pum"))

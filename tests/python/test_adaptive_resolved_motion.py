@@ -1,6 +1,5 @@
 """Adaptive resolved motion: the bank tells delay and thrust; with models alike it is resolved motion."""
 
-import pickle
 import re
 from typing import Any
 
@@ -104,22 +103,6 @@ def test_a_command_is_what_a_model_asks_for_over_its_factor() -> None:
     assert within.any() and np.abs(one[:, :6][within]).max() > 0.01
     np.testing.assert_allclose(2.0 * two[:, :6][within], one[:, :6][within], rtol=1e-5, atol=1e-7)
     np.testing.assert_array_equal(two[:, 6:], one[:, 6:])
-
-
-def test_rows_are_independent_and_pickles_the_same() -> None:
-    env = make(5, "storm-wide")
-    controller = AdaptiveResolvedMotion(env, integral_gain=0.3, delay_schedule=[0.2, 0.1])
-    again = pickle.loads(pickle.dumps(controller))
-    np.testing.assert_equal(again.gains, controller.gains)
-    observations, _ = env.reset(seed=4)
-    state, alone = None, [np.zeros(controller.native.widths[1])] * 5
-    for _ in range(20):
-        actions, state = controller.predict(observations, state)
-        for k in range(5):
-            action, alone[k] = again.predict(observations[k], alone[k])
-            assert action.tobytes() == actions[k].tobytes()
-            assert alone[k].tobytes() == state[k].tobytes()
-        observations, *_ = env.step(actions)
 
 
 def test_memory_holds_weights_and_models() -> None:

@@ -101,6 +101,7 @@ def test_metadata_belongs_to_the_instance(task):
         (8, 3, {"integrator": "rk4-normalise"}),
         (9, 2, {"scene": "petasus-pum"}),
         (64, 2, {"privileged": True, "action": "residual"}),
+        (3, 1, {"disturbance": {"base": "storm-hard", "delay": 0.1, "noise": {"bias": 1}}}),
     ],
 )
 def test_native_is_a_sync_vector_of_singles(task, mode, n, threads, kwargs):
@@ -111,6 +112,9 @@ def test_native_is_a_sync_vector_of_singles(task, mode, n, threads, kwargs):
     assert native.observation_space == sync.observation_space
     assert native.action_space == sync.action_space
     assert same(native.reset(seed=3), sync.reset(seed=3))
+    # Instances that diverge one after another.
+    leaving = {name: np.tile(value, (n, 1)) for name, value in LEAVING.items()}
+    leaving["position"][:, 0] -= 0.06 * (np.arange(n) % 4)
     over = np.zeros(n, dtype=np.bool_)
     ends = 0
     for step in range(14):
@@ -122,8 +126,10 @@ def test_native_is_a_sync_vector_of_singles(task, mode, n, threads, kwargs):
             options = {"reset_mask": mask}
             assert same(native.reset(options=options), sync.reset(options=dict(options)))
         if step == 8:
-            seed = [None] * n
-            assert same(native.reset(seed=seed, options=LEAVING), sync.reset(seed=seed, options=LEAVING))
+            got = native.reset(options=leaving)
+            for i, mask in enumerate(np.eye(n, dtype=np.bool_)):
+                expected = sync.reset(options={"reset_mask": mask, **{name: rows[i] for name, rows in leaving.items()}})
+            assert same(got[0], expected[0])
         actions = other_than(step, native)
         got, expected = native.step(actions), sync.step(actions)
         assert same(got, expected), step
@@ -243,6 +249,8 @@ def test_same_step_gives_the_last_of_the_old_and_the_first_of_the_new(task):
 
 def test_masked_resets_leave_others_and_the_options_alone(task):
     envs = make(task, autoreset_mode="Disabled", max_episode_steps=2)
+    with pytest.raises(gym.error.ResetNeeded, match="reset"):
+        envs.step(idle(envs))
     observations, _ = envs.reset(seed=0)
     mask = np.array([True, False, True])
     options = {"reset_mask": mask, "position": [0.0, 0.0, 0.2]}
@@ -367,12 +375,14 @@ def test_results_are_the_callers_own(task):
         assert not any(np.shares_memory(a, b) for b in arrays[:i])
 
 
-def test_copies_in_mid_episode_go_on_alike(task):
-    envs = make(task, max_episode_steps=6)
+@pytest.mark.parametrize(("mode", "dtype"), [("NextStep", "float64"), ("SameStep", "float32")])
+def test_copies_in_mid_episode_go_on_alike(task, mode, dtype):
+    options = {"max_episode_steps": 6, "autoreset_mode": mode, "dtype": dtype}
+    envs = make(task, **options)
     envs.reset(seed=11)
     for k in range(4):
         envs.step(other_than(k, envs))
-    others = [copy.deepcopy(envs), pickle.loads(pickle.dumps(envs)), make(task, max_episode_steps=6)]
+    others = [copy.deepcopy(envs), pickle.loads(pickle.dumps(envs)), make(task, **options)]
     others[2].reset()
     others[2].set_state(envs.get_state())
     for k in range(8):

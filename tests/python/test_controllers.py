@@ -11,7 +11,9 @@ import pytest
 from helpers import SIZES, SMALL, layers, observations, policies, policy
 
 import uvms_gym
+from uvms_gym import make_controller
 from uvms_gym.controllers import MLP, PD, PID
+from uvms_gym.controllers.families import FAMILIES, TASKS
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 
 ACTIVATIONS = {
@@ -168,6 +170,33 @@ def test_what_is_no_policy_is_refused(tmp_path: Path) -> None:
 def test_a_network_that_is_none_is_refused(arguments: Any, words: str) -> None:
     with pytest.raises(ValueError, match=re.escape(words)):
         policy(**arguments)
+
+
+CLASSICAL = [(name, task, {}) for name, family in FAMILIES.items() if family.kind for task in family.tasks]
+WAVES = {"wave_acceleration": [0.3, 0.3], "acceleration_noise": [0.05, 0.3], "observer_bandwidth": [8.0, 8.0]}
+OBSERVERS = ("dob", "dob-adaptive", "computed-torque", "mpc")
+
+
+@pytest.mark.parametrize(
+    ("name", "task", "gains"), [*CLASSICAL, *((name, "station-keep", {"delay": 1, **WAVES}) for name in OBSERVERS)]
+)
+def test_rows_do_not_depend_on_each_other_nor_on_their_number(name: str, task: str, gains: Any) -> None:
+    env = gym.make_vec(f"{TASKS[task]}-v0", num_envs=9, disturbance="storm-wide")
+    kind: Any = FAMILIES[name].kind
+    controller = kind(env, **gains) if gains else make_controller(name, env)
+    again = pickle.loads(pickle.dumps(controller))
+    np.testing.assert_equal(again.gains, controller.gains)
+    (rows, _), state = env.reset(seed=1), None
+    for step in range(12):
+        actions, after = controller.predict(rows, state)
+        assert (np.abs(actions) <= 1.0).all()
+        for k in range(9):
+            action, memory = again.predict(rows[k], None if state is None else state[k], step == 0)
+            assert action.tobytes() == actions[k].tobytes()
+            assert memory is after is None or memory.tobytes() == after[k].tobytes()
+        assert state is None or not np.array_equal(state[0], after[0])
+        rows, *_ = env.step(actions)
+        state = after
 
 
 def test_every_controller_survives_pickling_and_treats_rows_alike() -> None:

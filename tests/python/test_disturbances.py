@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uvms_gym
-from uvms_gym.envs.ee_track import EETrackEnv, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"
@@ -56,25 +55,6 @@ def test_an_instance_is_the_same_in_any_company(disturbance, dtype):
         if k < 130:
             alone = lone.step(actions[2])
             assert same(alone[0], some[0][2]) and alone[1] == some[1][2], k
-
-
-@pytest.mark.parametrize("disturbance", ["storm-hard", {"delay": 0.1}, {"noise": {"bias": 1}}])
-@pytest.mark.parametrize("mode", ["next_step", "same_step"])
-@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
-def test_trackers_are_disturbed_alike(disturbance, mode):
-    make = {"scene": ARM, "disturbance": disturbance}
-    envs = EETrackVectorEnv(3, max_episode_steps=25, autoreset_mode=mode.title().replace("_", ""), **make)
-    ones = gym.vector.SyncVectorEnv(
-        [lambda: gym.wrappers.TimeLimit(EETrackEnv(**make), 25)] * 3,
-        autoreset_mode=gym.vector.AutoresetMode(envs.metadata["autoreset_mode"]),
-    )
-    assert same(envs.reset(seed=2)[0], ones.reset(seed=2)[0])
-    draw = np.random.default_rng(0)
-    for k in range(60):
-        actions = draw.uniform(-0.3, 0.3, envs.action_space.shape).astype(np.float32)
-        got, expected = envs.step(actions), ones.step(actions)
-        assert all(same(a, b) for a, b in zip(got[:4], expected[:4], strict=True)), k
-        assert (np.abs(got[0]) <= envs.single_observation_space.high).all()
 
 
 @pytest.mark.parametrize("disturbance", ["storm", ALL], ids=["storm", "all"])
@@ -282,7 +262,18 @@ def test_specs_carry_disturbances():
     [
         ({"disturbance": "hurricane"}, "hurricane.*storm"),
         ({"disturbance": {"wind": {}}}, "wind.*gust"),
+        ({"disturbance": {"base": "hurricane"}}, "hurricane.*storm-hard"),
+        ({"disturbance": {"wind": None}}, "wind.*gust"),
         ({"disturbance": {"gust": {"sped": 1}}}, "gust.*sped.*speed"),
+        ({"disturbance": {"gust": {"speed": "fast"}}}, "gust.speed.*number"),
+        ({"disturbance": {"gust": {"speed": [1, 2, 3]}}}, "gust.speed.*two"),
+        ({"disturbance": {"gust": {"speed": [0.3, 0.1]}}}, "gust.speed.*0.3"),
+        ({"disturbance": {"gust": {"speed": 50}}}, "gust.speed.*5"),
+        ({"disturbance": {"waves": {"trains": 4}}}, "waves.trains.*3"),
+        ({"disturbance": {"waves": {"height": 5, "period": 2}}}, "waves.height.*0.88"),
+        ({"disturbance": {"delay": 1000}}, "delay.*100"),
+        ({"disturbance": {"parameters": {"mass": [0, 1]}}}, "parameters.mass.*0.1"),
+        ({"disturbance": {"parameters": "much"}}, "parameters.*ranges"),
         ({"disturbance": {"gust": {"speed": float("nan")}}}, "disturbance"),
         ({"disturbance": {"base": 3}}, "base"),
         ({"disturbance": 3}, "3"),
@@ -298,7 +289,10 @@ def test_what_is_not_known_is_refused_by_name(arguments, named):
 
 
 words = st.sampled_from(
-    [*uvms_gym.disturbance_levels()["storm"].components, "base", "speed", "share", "time", "storm", "x"]
+    [
+        *uvms_gym.disturbance_levels()["storm"].components,
+        *"base speed share height period gain gains time mass current parameters storm x".split(),
+    ]
 )
 values = st.recursive(
     st.none() | st.booleans() | st.floats(-2, 2) | st.floats() | st.integers() | words,

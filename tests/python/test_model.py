@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import dry, fixed_base, is_fixed, moving, random_inputs
+from helpers import fixed_base, is_fixed, moving, random_inputs
 
 from uvms_gym import Simulator, load_scene, scene_names
 
@@ -234,15 +234,6 @@ def test_the_first_body_is_the_vehicle() -> None:
     assert np.array_equal(free.end_effector_pose(), free.body_poses()[:, 0])
 
 
-def test_kinetic_energy_is_the_mass_matrix_form() -> None:
-    s = moving("petasus-pum")
-    s.set_state(current=[0, 0, 0])
-    velocity = np.hstack([s.twist, s.qd])
-    energy = s.energy()
-    form = 0.5 * np.einsum("ni,nij,nj->n", velocity, s.mass_matrix(), velocity)
-    assert np.allclose(energy["kinetic_rigid"] + energy["kinetic_added"], form, rtol=1e-12)
-
-
 def test_energy_changes_by_power() -> None:
     """Central difference over two steps in still water, with thrusters, wrenches, actuators, drag and friction."""
     s = moving("petasus-pum", dt=1e-4)
@@ -258,32 +249,6 @@ def test_energy_changes_by_power() -> None:
     assert np.allclose((s.energy()["total"] - before) / 2e-4, total, rtol=1e-5, atol=1e-5 * np.abs(total).max())
 
 
-def test_momentum_is_conserved_without_water() -> None:
-    s = moving(dry("petasus-pum"), dt=0.002)
-    s.set_state(current=[0, 0, 0])
-    before, q = s.momentum_terms(), s.q
-    s.step(substeps=500)
-    after = s.momentum_terms()
-    assert np.abs(s.q - q).max() > 0.1
-    scale = np.repeat(before["total_scale"], 3, axis=1)
-    assert (np.abs(after["total"] - before["total"]) < 1e-8 * scale).all()
-    assert (np.abs(before["total"]) > 1e-3 * scale).all(axis=1).any()
-    assert np.array_equal(s.momentum(), after["total"])
-    assert not after["added"].any()
-
-
-def test_free_body_weighs_what_it_says() -> None:
-    scene = load_scene("free-body")
-    scene["water"] = {"density": 0.0, "gravity": [0.0, 0.0, -9.81]}
-    scene["provenance"] = {}
-    s = Simulator(scene, dt=0.1)
-    mass = scene["vehicle"]["body"]["mass"]
-    assert np.allclose(s.body_wrenches()["restoring"][0, 0, :3], [0, 0, -9.81 * mass])
-    s.step(substeps=10)
-    assert s.position[0, 2] == pytest.approx(-9.81 / 2, rel=1e-9)
-    assert s.twist[0, 2] == pytest.approx(-9.81, rel=1e-9)
-
-
 def test_the_mooring_of_a_held_vehicle_needs_no_thrust() -> None:
     scene = load_scene("petasus-pum")
     scene["vehicle"]["fixed"] = True
@@ -291,18 +256,6 @@ def test_the_mooring_of_a_held_vehicle_needs_no_thrust() -> None:
     assert np.abs(trim["wrench"]).max() > 0.0
     assert not trim["thrust"].any()
     assert not trim["residual"].any()
-
-
-def test_a_neutral_vehicle_without_arm_stays_at_rest() -> None:
-    scene = load_scene("bluerov2-heavy")
-    body = scene["vehicle"]["body"]
-    body["volume"] = body["mass"] / scene["water"]["density"]
-    body["center_of_mass"], body["center_of_buoyancy"] = [0.0, 0.0, -0.02], [0.0, 0.0, 0.0]
-    s = Simulator(scene)
-    s.step(substeps=10_000)
-    rounding = 1e-15 * body["mass"] * 9.81
-    assert np.abs(s.twist).max() < rounding
-    assert np.abs(s.position).max() < 100 * rounding
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -81,24 +81,6 @@ def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
     assert with_model < (1.02 if kind is PDRestoring else 0.4) * plain, (with_model, plain)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_rows_do_not_depend_on_each_other_nor_on_their_number(kind: Any) -> None:
-    env = StationKeepVectorEnv(13, disturbance="storm", substeps=10, thruster_lag=0.1)
-    controller = kind(env) if kind is PDRestoring else kind(env, delay=1, **FILTERED)
-    observation, _ = env.reset(seed=1)
-    state = None
-    for step in range(12):
-        action, after = controller.predict(observation, state)
-        for row in range(13):
-            before = None if step == 0 or state is None else state[row]
-            one, one_after = controller.predict(observation[row], before, step == 0)
-            assert one.tobytes() == action[row].tobytes()
-            if after is not None:
-                assert one_after.tobytes() == after[row].tobytes()
-        observation, *_ = env.step(action)
-        state = after
-
-
 def test_without_delay_there_is_nothing_to_bridge() -> None:
     env = StationKeepVectorEnv(8, disturbance={"base": "storm", "delay": {"periods": 0}}, substeps=10)
     plain, bridging = DOB(env), DOB(env, delay=None)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym import NMPC, make_controller
+from uvms_gym import NMPC
 
 TASKS = ["UVMS-StationKeep", "UVMS-EETrack"]
 
@@ -32,20 +32,6 @@ def test_with_a_perfect_model_the_target_is_reached(task: str) -> None:
     _, _, info = run(env, NMPC(env), 400)
     assert info["position_error"].max() < 5e-3
     assert info["attitude_error"].max() < 1e-2
-
-
-@pytest.mark.parametrize("task", TASKS)
-def test_rows_are_independent_to_the_bit(task: str) -> None:
-    env = gym.make_vec(f"{task}-Storm-v0", num_envs=9)
-    controller = make_controller("nmpc", env)
-    observations, state, _ = run(env, controller, 20)
-    actions, after = controller.predict(observations, state)
-    for k in range(9):
-        action, memory = controller.predict(observations[k], state[k])
-        assert action.tobytes() == actions[k].tobytes()
-        assert memory.tobytes() == after[k].tobytes()
-    assert list(controller.memory_layout)[-1] == "plan"
-    assert not np.array_equal(state[0], after[0])
 
 
 @pytest.mark.parametrize("task", TASKS)

@@ -142,6 +142,11 @@ def test_episodes_draw_numbers_of_the_scene_alike_in_one_and_in_many() -> None:
     [
         ({"vehicle.body.mas": [1.0, 2.0]}, ["vehicle.body.mas", MASS]),
         ({MASS: [3.0, 1.0]}, [MASS, "[3, 1]"]),
+        ({MASS: [[2.0], [1.0]]}, [MASS, "is a number"]),
+        ({MASS: [-2.0, -1.0]}, [MASS, "must be > 0"]),
+        ({MASS: 1.5}, [MASS, "1.5"]),
+        ({"vehicle.thrusters[0].position": 0.1}, ["vehicle.thrusters[0].position", "no effect"]),
+        ({"arm.links[0].joint.home": [0.1, 0.2]}, ["arm.links[0].joint.home", "no effect"]),
         ({ADDED: [1.0, 2.0]}, [ADDED, "list of 6"]),
         ({"water.current": [[0.1] * 3, [0.2] * 3]}, ["water.current", "no effect"]),
         ({"masss": 0.1}, ["masss", "key of the scene"]),

@@ -109,9 +109,7 @@ def test_a_speed_that_is_none_is_refused(speed: Any, error: type[Exception], tex
 
 
 @pytest.mark.parametrize("name", uvms_gym.scene_names())
-@pytest.mark.parametrize(
-    ("integrator", "dt"), [("mk4", 0.01), ("mk4", 0.02), ("mk3", 0.01), ("mk3", 0.02), ("mk2", 0.01), ("ros2", 0.01)]
-)
+@pytest.mark.parametrize(("integrator", "dt"), [("mk4", 0.02), ("mk3", 0.02), ("mk2", 0.02), ("ros2", 0.01)])
 def test_nobody_is_warned_of_a_shipped_scene_at_its_step(name: str, integrator: str, dt: float) -> None:
     s = Simulator(name, dt=dt, integrator=integrator)
     with caught() as record:
@@ -121,6 +119,8 @@ def test_nobody_is_warned_of_a_shipped_scene_at_its_step(name: str, integrator: 
         if s.scene["vehicle"].get("servo"):
             s.step(pose_target=(np.zeros(3), np.eye(3)), substeps=10)
     assert not record
+    steps = s.stable_steps(end_stops=False)
+    assert steps["mk1"] > 0.01 and steps[integrator] >= s.stable_steps()[integrator]
 
 
 def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
@@ -244,14 +244,15 @@ def damped() -> dict[str, Any]:
     return scene
 
 
-def test_a_motion_that_the_steps_do_not_follow_is_warned_of_once() -> None:
-    s = Simulator(damped(), 20, dt=0.6)
-    twist = np.zeros((20, 6))
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_a_motion_that_the_steps_do_not_follow_is_warned_of_once(dtype: str) -> None:
+    s = Simulator(damped(), 150, dt=0.6, dtype=dtype)
+    twist = np.zeros((150, 6))
     s.set_state(twist=twist)
     with caught() as record:
         s.step(substeps=3)
         assert not record, "nothing moves"
-        twist[7, 0] = 1.0
+        twist[[77, 133], 0] = 1.0
         s.set_state(twist=twist)
         s.step(substeps=3)
         s.step(substeps=3)
@@ -260,7 +261,7 @@ def test_a_motion_that_the_steps_do_not_follow_is_warned_of_once() -> None:
     text = str(record[0].message)
     for part in (
         "'free-body'",
-        "instance 7",
+        "instance 77 and 1 more of 150",
         "t = 3.6",
         "dt = 0.6 s",
         "4.00 1/s",

@@ -7,7 +7,7 @@ from dataclasses import fields
 import gymnasium as gym
 import numpy as np
 import pytest
-from helpers import SMALL
+from helpers import SMALL, fixed_base
 
 import uvms_gym
 from uvms_gym._core import task_defaults, tasks
@@ -122,9 +122,18 @@ def test_a_registered_disturbance_stays_beside_options():
     assert (storm.scene, storm.disturbance, storm.substeps) == (SMALL, "storm", 10)
 
 
+def limp():
+    """A scene with a joint that has no servo."""
+    scene = uvms_gym.load_scene(ARM)
+    scene["provenance"] = {}
+    del scene["arm"]["links"][1]["joint"]["servo"]
+    return scene
+
+
 COMMON = [
     ({"scene": "submarine"}, ValueError, "petasus-pum"),
     ({"scene": "free-body"}, ValueError, "no thrusters"),
+    ({"scene": fixed_base()}, ValueError, "fixed"),
     ({"action": "torque"}, ValueError, "`wrench`"),
     ({"dt": 0.0}, ValueError, "dt"),
     ({"dt": "a"}, TypeError, "dt is 'a'"),
@@ -152,6 +161,9 @@ COMMON = [
     ({"render_mode": "ansi"}, ValueError, "render_mode"),
 ]
 OWN = [
+    ("station-keep", {"start_distance": 10.0}, ValueError, "start_distance"),
+    ("station-keep", {"scene": limp()}, ValueError, "upper-arm"),
+    ("dock", {"scene": limp()}, ValueError, "upper-arm"),
     ("ee-track", {"reference": "square"}, ValueError, "figure-eight"),
     ("ee-track", {"reference": 3}, TypeError, "reference is 3"),
     ("ee-track", {"reference_rotation": 2.0}, ValueError, "reference_rotation"),
@@ -196,7 +208,7 @@ def test_impossible_batches_are_refused_by_name_and_value(given, error, words):
 @every_task
 @pytest.mark.parametrize("number", ["one", "many"])
 def test_reset_options_that_cannot_be_change_nothing(task, number):
-    env = ENVS[task](scene=SMALL) if number == "one" else vector(task, 2, scene=SMALL)
+    env = ENVS[task](scene=ARM) if number == "one" else vector(task, 2, scene=ARM)
     env.reset(seed=3)
     before = env.get_state()
     for options in ([1], [], "current", 3):
@@ -205,8 +217,18 @@ def test_reset_options_that_cannot_be_change_nothing(task, number):
     with pytest.raises(ValueError, match="unknown reset option 'wind'") as raised:
         env.reset(options={"wind": 1.0})
     assert all(name in str(raised.value) for name in (*RESET_OPTIONS, *["reset_mask"] * (number == "many")))
-    for options in ({"position": [0.0, 0.0]}, {"position": [0.0, 99.0, 0.0]}, {"current": [np.nan, 0, 0]}):
-        with pytest.raises(ValueError, match=next(iter(options)) + "|distance"):
+    joints = len(env.snapshot().joint_names)
+    for options, words in (
+        ({"position": [0.0, 0.0]}, "position"),
+        ({"position": [0.0, 11.0, 0.0]}, "distance.*1[01].*below 10"),
+        ({"current": [np.nan, 0, 0]}, "current"),
+        ({"twist": [0.0, 0.0, 0.0, 0.0, 0.0, 30.0]}, "angular speed"),
+        ({"attitude": [0.0] * 4}, "attitude"),
+        ({"q": [1e300] * joints}, "q"),
+        ({"qd": [-1e300] * joints}, "joint rate"),
+        ({"q": [0.0]}, "q"),
+    ):
+        with pytest.raises(ValueError, match=words):
             env.reset(options=options)
     assert all(np.array_equal(value, before[key]) for key, value in env.get_state().items())
 
@@ -217,7 +239,16 @@ def test_states_that_lack_a_part_or_are_of_another_environment_change_nothing(ta
     env.reset(seed=3)
     other.reset(seed=0)
     before = env.get_state()
+
+    def spoiled(column, value):
+        episodes = before["episodes"].copy()
+        episodes[0, column] = value
+        return {**before, "episodes": episodes}
+
     for wrong, error, words in (
+        (spoiled(0, 0.5), ValueError, "0.5 is not a count"),
+        (spoiled(4, -1.0), ValueError, "-1 is not a count"),
+        (spoiled(20, np.nan), ValueError, "is NaN"),
         ({}, ValueError, "'physics'"),
         ({"physics": before["physics"]}, ValueError, "'episodes'"),
         ({"episodes": before["episodes"]}, ValueError, "'physics'"),
