@@ -28,11 +28,11 @@ BASELINE = {"station-keep": "pd", "ee-track": "resolved", "dock": "dock-pd"}
 TEACHERS = {"station-keep": "dob", "ee-track": "resolved-dob", "dock": "dock-pd"}
 #: Prefixes of names of files: of a neural policy (`mlp:FILE`), and of Python code (`py:FILE.py:NAME`).
 MLP_PREFIX, CODE_PREFIX = "mlp:", "py:"
-#: Settings along the frontier of error against variation of commands, smoothest first.
+#: Settings along the frontier of error against variation of commands, calmest first.
 LEVELS = {
-    "still": "the smoothest commands, at the largest error",
-    "calm": "smooth commands",
-    "medium": "a compromise between error and smooth commands",
+    "still": "the calmest commands, at the largest error",
+    "calm": "calm commands",
+    "medium": "a compromise between error and calm commands",
     "quick": "a small error at a limited effort",
     "free": "the smallest error, at any effort",
 }
@@ -41,7 +41,7 @@ _ALL = tuple(TASKS)
 
 
 class Limits(NamedTuple):
-    """Limits in tuning on effort and variation of commands, over the reference controller's; None: no limit."""
+    """Limits on effort and variation of commands in tuning, relative to the reference controller; None: no limit."""
 
     effort: float | None = 1.1
     variation: float | None = None
@@ -55,8 +55,8 @@ class Setting(NamedTuple):
     about : str
         Purpose, as half a sentence.
     role : {"rival", "frontier", "bound"}
-        A rival takes part in every comparison, and its policy is in the package; "frontier": another limit on its
-        commands, or another price; "bound": it is shown the true, present state, without noise and delay.
+        Every comparison includes the rivals, and their policies are in the package. "frontier": another limit on the
+        commands, or another price. "bound": receives the true, present state, without noise and delay.
     gains : dict
         Gains other than the class's defaults, beside the tuned ones.
     limits : Limits
@@ -110,16 +110,16 @@ def _observer(still: float, calm: float, medium: float, rivals: tuple[str, ...],
     free = Limits(None)
     return {
         **_levels({**limits, "quick": Limits(), "free": free}, rivals, **gains),
-        "wide": Setting("for a vehicle, a delay and thrusters that are known poorly", gains=gains),
-        "informed": Setting("bound: no noise, no delay, the true state", "bound", gains, free),
+        "wide": Setting("for vehicles with poorly known parameters, thrust and sensor delay", gains=gains),
+        "informed": Setting("bound: receives the true, present state", "bound", gains, free),
     }
 
 
 _PRICES = dict.fromkeys(LEVELS, Limits())
-_WIDE = Setting("trained on vehicles, delays and thrusters that are known poorly")
+_WIDE = Setting("trained on vehicles with poorly known parameters, thrust and sensor delay")
 FAMILIES: dict[str, Family] = {
     "none": Family(
-        "Zero action.", "To see what the disturbance does.", _ALL, NoControl, settings={"default": Setting("no gains")}
+        "Zero action.", "To see what a disturbance does.", _ALL, NoControl, settings={"default": Setting("no gains")}
     ),
     "pd": Family(
         "PD on the vehicle's pose error and velocity.",
@@ -128,25 +128,25 @@ FAMILIES: dict[str, Family] = {
         PD,
     ),
     "pd-restoring": Family(
-        "PD that cancels weight and buoyancy.", "For vehicles that are not neutral.", _STATION, PDRestoring
+        "PD that cancels weight and buoyancy.", "For vehicles that are not neutrally buoyant.", _STATION, PDRestoring
     ),
     "pid": Family(
         "PD with an integral of the pose error.", "Against steady disturbances, without a model.", _STATION, PID
     ),
     "dob": Family(
-        "PD with a disturbance observer, which the scene's model predicts over the sensors' delay.",
-        "First choice of the classical controllers for station keeping.",
+        "PD with a disturbance observer; the scene's model predicts the state over the sensor delay.",
+        "First classical choice for station keeping.",
         _STATION,
         DOB,
         "quick",
         {
-            "plain": Setting("without prediction over the delay"),
+            "plain": Setting("without prediction over the sensor delay"),
             **_observer(0.6, 1.2, 2.4, ("calm", "quick"), delay=None),
         },
     ),
     "dob-adaptive": Family(
-        "Disturbance observers on a bank of models that differ in delay and thrust, weighed by their innovations.",
-        "Where the delay or the thrust is not known.",
+        "Observers for several models of delay and thrust, weighted by the likelihood of their predictions.",
+        "Where sensor delay or thrust are unknown.",
         _STATION,
         AdaptiveDOB,
     ),
@@ -166,13 +166,13 @@ FAMILIES: dict[str, Family] = {
     ),
     "nmpc": Family(
         "Nonlinear model-predictive control by real-time iterations, with the observer of `dob`.",
-        "For large motions, where milliseconds per control period are available.",
+        "For large motions; takes up to a millisecond per control period.",
         (*_STATION, *_TRACK),
         NMPC,
         settings={"default": Setting("tuned for the smallest error", limits=Limits(variation=4.8))},
     ),
     "resolved": Family(
-        "Resolved motion: the vehicle and the arm share the end effector's motion, by inverse dynamics.",
+        "Inverse dynamics that distributes the end effector's motion between vehicle and arm.",
         "As the reference of end-effector tracking.",
         _TRACK,
         ResolvedMotion,
@@ -185,16 +185,16 @@ FAMILIES: dict[str, Family] = {
         settings={"default": Setting("tuned for the smallest error", gains={"integral_gain": 0.5})},
     ),
     "resolved-dob": Family(
-        "Resolved motion with a disturbance observer, which the scene's model predicts over the sensors' delay.",
-        "First choice of the classical controllers for end-effector tracking.",
+        "Resolved motion with a disturbance observer; the scene's model predicts the state over the sensor delay.",
+        "First classical choice for end-effector tracking.",
         _TRACK,
         ResolvedMotion,
         "quick",
         _observer(1.0, 1.5, 2.2, ("quick",), observer_bandwidth=(4.0, 4.0, 8.0), delay=None),
     ),
     "resolved-adaptive": Family(
-        "Resolved motion on a bank of models that differ in delay and thrust, weighed by their innovations.",
-        "Where the delay or the thrust is not known.",
+        "Resolved motion for several models of delay and thrust, weighted by the likelihood of their predictions.",
+        "Where sensor delay or thrust are unknown.",
         _TRACK,
         AdaptiveResolvedMotion,
     ),
@@ -207,32 +207,32 @@ FAMILIES: dict[str, Family] = {
     ),
     "ppo": Family(
         "Neural policy, trained from scratch by PPO with an asymmetric critic.",
-        "Where only rewards are known; its training needs no gradient.",
+        "Where only rewards are available: its training needs no gradient.",
         _ALL,
         default="medium",
         settings=_levels(_PRICES, ("medium",)),
     ),
     "shac": Family(
         "Neural policy, trained from scratch by gradients through the simulator (SHAC).",
-        "First choice of the policies for end-effector tracking: less than a minute of training.",
+        "First choice among policies for end-effector tracking; trains in less than a minute.",
         _TRACK,
         default="medium",
         settings={**_levels(_PRICES, ("medium",)), "wide": _WIDE},
     ),
     "shac-distilled": Family(
-        "Neural policy that imitates `dob` at first, and is then improved by SHAC.",
-        "First choice of the policies for station keeping.",
+        "Neural policy that first imitates `dob` and is then improved by SHAC.",
+        "First choice among policies for station keeping.",
         _STATION,
         default="quick",
         settings={**_levels(_PRICES, ("calm", "quick")), "wide": _WIDE},
     ),
     "residual": Family(
         "Neural correction to the actions of a classical controller, trained by PPO.",
-        "Where most of the action is to come from a controller that is well understood.",
+        "Where most of the action should come from a well-understood controller.",
         (*_STATION, *_TRACK),
         default="dob",
         settings={
-            base: Setting(f"at most 0.3 of the range of actions, on `{base}`", base=base)
+            base: Setting(f"corrects `{base}` by at most 0.3 of the range of actions", base=base)
             for base in ("pd", "dob", "resolved-dob")
         },
     ),
