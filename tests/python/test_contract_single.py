@@ -448,12 +448,6 @@ def test_a_rescaled_action_is_the_action(task):
     np.testing.assert_allclose(scaled.step(2.0 * action)[0], plain.step(action)[0], rtol=1e-4, atol=1e-5)
 
 
-def test_a_time_limit_may_be_added(task):
-    env = gym.wrappers.TimeLimit(bare(task), 2)
-    env.reset(seed=0)
-    assert [env.step(idle(env))[3] for _ in range(2)] == [False, True]
-
-
 def test_videos_are_recorded(task, tmp_path, monkeypatch):
     env = make(task, render_mode="rgb_array", max_episode_steps=4)
     clips = fake_moviepy(monkeypatch)

@@ -1,11 +1,8 @@
 """`Simulator.scale_parameters`: instances that differ in mass, added mass, drag and volume."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
-from helpers import assert_same, moving, state_of
+from helpers import assert_same, state_of
 
 from uvms_gym import Simulator
 
@@ -25,21 +22,6 @@ def test_parameters_start_at_one_and_stay_through_reset() -> None:
     assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
 
 
-@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy"])
-def test_a_payload_weighs_at_the_end_effector(scene: str) -> None:
-    plain, laden = Simulator(scene, 2), Simulator(scene, 2)
-    laden.scale_parameters(payload=[0.0, 2.5])
-    jacobian = laden.jacobian()[1]
-    extra = laden.mass_matrix()[1] - plain.mass_matrix()[1]
-    assert np.allclose(extra, 2.5 * jacobian[:3].T @ jacobian[:3], atol=1e-12)
-    # Its weight, through the end effector's Jacobian, and nothing else.
-    light, heavy = (s.forward_dynamics() for s in (plain, laden))
-    assert np.array_equal(light[0], heavy[0])
-    force = laden.mass_matrix()[1] @ heavy[1] - plain.mass_matrix()[1] @ light[1]
-    down = laden.end_effector_pose()[1, :3, :3].T @ [0.0, 0.0, -9.81]
-    assert np.allclose(force, 2.5 * jacobian[:3].T @ down, rtol=1e-9, atol=1e-9)
-
-
 def test_weak_thrusters_give_less() -> None:
     full, weak = Simulator("bluerov2-heavy", 2), Simulator("bluerov2-heavy", 2)
     weak.scale_parameters(thrust=[1.0, 0.5])
@@ -48,17 +30,6 @@ def test_weak_thrusters_give_less() -> None:
     thrust[1] *= 0.5
     full.step(thrust=thrust, substeps=20)
     assert_same(state_of(weak), state_of(full))
-
-
-def test_copies_keep_parameters() -> None:
-    s = moving("petasus-pum", 2)
-    s.scale_parameters(added_mass=[0.7, 1.3])
-    copies = [copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
-    for other in (s, *copies):
-        other.step(substeps=5)
-    for other in copies:
-        assert np.array_equal(other.parameters["added_mass"], [0.7, 1.3])
-        assert_same(state_of(other), state_of(s))
 
 
 @pytest.mark.parametrize(
@@ -77,9 +48,3 @@ def test_bad_factors_change_nothing(factors: dict[str, object], words: str) -> N
         s.scale_parameters(quadratic_damping=2.0, **factors)
     assert (s.parameters["added_mass"] == 1.1).all()
     assert (s.parameters["quadratic_damping"] == 1.0).all()
-
-
-def test_memory_with_parameters() -> None:
-    s = Simulator("petasus-pum", 1024)
-    s.scale_parameters(mass=np.linspace(0.9, 1.1, 1024))
-    assert s.bytes_per_env < 3000

@@ -3,7 +3,6 @@
 import copy
 import multiprocessing
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -54,17 +53,6 @@ def child(work: Callable[[], Any], patience: float = 20.0) -> Any:
     finally:
         os.kill(process, signal.SIGKILL)
         os.waitpid(process, 0)
-
-
-def test_a_forked_child_and_its_parent_step_on() -> None:
-    s = simulator()
-    stepped(s)
-    expected = stepped(copy.copy(s))
-    for _ in range(3):
-        got = child(lambda: stepped(copy.copy(s)))
-        assert got is not None, "the child hangs"
-        assert_same(got, expected)
-        assert_same(stepped(copy.copy(s)), expected)
 
 
 def test_children_of_children_step_on() -> None:
@@ -138,16 +126,6 @@ def test_many_python_threads_step_at_once() -> None:
         for got, want in zip(executor.map(steps, simulators), expected, strict=True):
             for part in set(got) - {"time"}:
                 assert got[part].tobytes() == want[part].tobytes(), part
-
-
-def test_copies_step_on_in_the_pool() -> None:
-    s = simulator()
-    stepped(s)
-    others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
-    expected = stepped(s)
-    for other in others:
-        assert other.threads == 2
-        assert_same(stepped(other), expected)
 
 
 def at_work(step: Callable[[], Any], calls: list[Callable[[], Any]]) -> Counter[str]:
