@@ -1,65 +1,45 @@
 //! Bias wrench of a body in its central frame.
 
-use crate::lane::{Lane, Param, get_all, unroll};
+use crate::lane::{Lane, Param, get_all, numbers, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::{BodyPoint, LinkTwist, constant_screw_z};
 
-/// Inertia (rigid and added), damping and net weight in the central frame: its origin is the centre of all of them, and damping
-/// and linear inertia are diagonal in its axes. Most links have such a frame, in which they take half the arithmetic.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CentralFrameTerms<P> {
-    /// Origin in the body frame.
-    pub origin: BodyPoint<P>,
-    /// Rotation relative to the body frame.
-    pub rotation: FrameRotation<P>,
-    /// Diagonal of the linear inertia.
-    pub masses: [P; 3],
-    /// Gyroscopic differences of the diagonal of the angular inertia: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
-    pub gyration: [P; 3],
-    /// Products of inertia, unless all are 0: `[J_yz, J_xz, J_xy]`.
-    pub products: Option<[P; 3]>,
-    /// Diagonals of D_L and D_Q, unless all are 0.
-    pub damping: Option<[[P; 6]; 2]>,
-    /// Mass minus displaced mass, kg; both are centred here.
-    pub net_mass: P,
+numbers! {
+    /// Inertia (rigid and added), damping and net weight in the central frame: its origin is the centre of all of them, and damping
+    /// and linear inertia are diagonal in its axes. Most links have such a frame, in which they take half the arithmetic.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct CentralFrameTerms<P> {
+        /// Origin in the body frame.
+        pub origin: BodyPoint<P>,
+        /// Rotation relative to the body frame.
+        pub rotation: FrameRotation<P>,
+        /// Diagonal of the linear inertia.
+        pub masses: [P; 3] = unvisited,
+        /// Gyroscopic differences of the diagonal of the angular inertia: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
+        pub gyration: [P; 3] = unvisited,
+        /// Products of inertia, unless all are 0: `[J_yz, J_xz, J_xy]`.
+        pub products: Option<[P; 3]> = unvisited,
+        /// Diagonals of D_L and D_Q, unless all are 0.
+        pub damping: Option<[[P; 6]; 2]> = unvisited,
+        /// Mass minus displaced mass, kg; both are centred here.
+        pub net_mass: P = unvisited,
+    }
 }
 
-/// Rotation of a frame relative to the body frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum FrameRotation<P> {
-    /// Parallel axes.
-    Aligned,
-    /// About z, by sine and cosine.
-    AboutZ(P, P),
-    /// General rotation, by rows.
-    General([[P; 3]; 3]),
-}
-
-impl<P: Copy> FrameRotation<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> FrameRotation<Q> {
-        match *self {
-            FrameRotation::Aligned => FrameRotation::Aligned,
-            FrameRotation::AboutZ(sin, cos) => FrameRotation::AboutZ(change(sin), change(cos)),
-            FrameRotation::General(rows) => FrameRotation::General(rows.map(|row| row.map(&change))),
-        }
+numbers! {
+    /// Rotation of a frame relative to the body frame.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum FrameRotation<P> {
+        /// Parallel axes.
+        Aligned,
+        /// About z, by sine and cosine.
+        AboutZ(sin: P, cos: P),
+        /// General rotation, by rows.
+        General(rows: [[P; 3]; 3]),
     }
 }
 
 impl<P: Copy> CentralFrameTerms<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CentralFrameTerms<Q> {
-        CentralFrameTerms {
-            origin: self.origin.map(&change),
-            rotation: self.rotation.map(&change),
-            masses: self.masses.map(&change),
-            gyration: self.gyration.map(&change),
-            products: self.products.map(|products| products.map(&change)),
-            damping: self.damping.map(|two| two.map(|d| d.map(&change))),
-            net_mass: change(self.net_mass),
-        }
-    }
-
     /// `B V - damping - restoring` at the relative twist V under gravity g, all in the body frame: see
     /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Damping`] and [`super::Restoring`].
     #[inline(always)]

@@ -1,30 +1,23 @@
 //! Linear and quadratic damping.
 
-use crate::lane::{Lane, Param, get_all, unroll};
+use crate::lane::{Lane, Param, get_all, numbers, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
-/// A 6x6 matrix of damping coefficients.
-#[derive(Debug, Clone, PartialEq)]
-pub enum CoefficientMatrix<P> {
-    /// All zero.
-    None,
-    /// Diagonal.
-    Diagonal([P; 6]),
-    /// Full, by rows.
-    Full(Box<[[P; 6]; 6]>),
+numbers! {
+    /// A 6x6 matrix of damping coefficients.
+    #[derive(Debug, Clone, PartialEq)]
+    pub enum CoefficientMatrix<P> {
+        /// All zero.
+        None,
+        /// Diagonal.
+        Diagonal(diagonal: [P; 6]),
+        /// Full, by rows.
+        Full(rows: Box<[[P; 6]; 6]>),
+    }
 }
 
 impl<P: Copy> CoefficientMatrix<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientMatrix<Q> {
-        match self {
-            CoefficientMatrix::None => CoefficientMatrix::None,
-            CoefficientMatrix::Diagonal(d) => CoefficientMatrix::Diagonal(d.map(change)),
-            CoefficientMatrix::Full(rows) => CoefficientMatrix::Full(Box::new(rows.map(|row| row.map(&change)))),
-        }
-    }
-
     /// `sum - D x`
     #[inline(always)]
     fn subtract<L: Lane>(&self, x: &[L; 6], sum: &mut [L; 6])
@@ -49,54 +42,37 @@ impl<P: Copy> CoefficientMatrix<P> {
     }
 }
 
-/// Frame of the coefficients, relative to the body frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum CoefficientFrame<P> {
-    /// The body frame.
-    Body,
-    /// Parallel axes, with the origin at this point, m.
-    Shifted([P; 3]),
-    /// General pose: rotation by rows, position, m.
-    General([[P; 3]; 3], [P; 3]),
-}
-
-impl<P: Copy> CoefficientFrame<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientFrame<Q> {
-        match self {
-            CoefficientFrame::Body => CoefficientFrame::Body,
-            CoefficientFrame::Shifted(p) => CoefficientFrame::Shifted(p.map(&change)),
-            CoefficientFrame::General(r, p) => CoefficientFrame::General(r.map(|row| row.map(&change)), p.map(&change)),
-        }
+numbers! {
+    /// Frame of the coefficients, relative to the body frame.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum CoefficientFrame<P> {
+        /// The body frame.
+        Body,
+        /// Parallel axes, with the origin at this point, m.
+        Shifted(point: [P; 3]),
+        /// General pose: rotation by rows, position, m.
+        General(rows: [[P; 3]; 3], point: [P; 3]),
     }
 }
 
-/// Damping `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, evaluated in the frame of the coefficients: the
-/// quadratic part is not covariant, so it is never transformed to another frame. `[HC eq. 22]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Damping<P> {
-    /// Frame of the coefficients.
-    pub frame: CoefficientFrame<P>,
-    /// D_L.
-    pub linear: CoefficientMatrix<P>,
-    /// D_Q.
-    pub quadratic: CoefficientMatrix<P>,
-    /// Symmetric bound `S + N^T S^-1 N` of a full D_L with symmetric part S and skew part N (lift), for the linearly implicit
-    /// method, in which lift itself would be an unsymmetric matrix.
-    pub linear_bound: Option<SpatialInertia<P>>,
+numbers! {
+    /// Damping `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, evaluated in the frame of the coefficients: the
+    /// quadratic part is not covariant, so it is never transformed to another frame. `[HC eq. 22]`
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Damping<P> {
+        /// Frame of the coefficients.
+        pub frame: CoefficientFrame<P> = unvisited,
+        /// D_L.
+        pub linear: CoefficientMatrix<P>,
+        /// D_Q.
+        pub quadratic: CoefficientMatrix<P>,
+        /// Symmetric bound `S + N^T S^-1 N` of a full D_L with symmetric part S and skew part N (lift), for the linearly implicit
+        /// method, in which lift itself would be an unsymmetric matrix.
+        pub linear_bound: Option<SpatialInertia<P>>,
+    }
 }
 
 impl<P: Copy> Damping<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Damping<Q> {
-        Damping {
-            frame: self.frame.map(&change),
-            linear: self.linear.map(&change),
-            quadratic: self.quadratic.map(&change),
-            linear_bound: self.linear_bound.map(|bound| bound.map(&change)),
-        }
-    }
-
     /// Damping wrench at the relative twist `twist`, both in the body frame.
     #[inline(always)]
     pub fn wrench<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>

@@ -12,52 +12,38 @@
 //! stall the fin is a flat plate, whose normal force has the coefficient `C_90 sin alpha`. The law is the same for motion
 //! backward and forward, and smooth in the velocity.
 
-use crate::lane::{Lane, Param, get_all, sin_cos};
+use crate::lane::{Lane, Param, get_all, numbers, sin_cos};
 use crate::lie::{Vector3, Vector6};
 
 /// Maximum number of fins of a vehicle.
 pub const FINS: usize = 8;
 
-/// A fin, in vehicle axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fin<P> {
-    /// Centre of pressure, m.
-    pub position: [P; 3],
-    /// Unit vector towards the leading edge at deflection 0.
-    pub chord: [P; 3],
-    /// Unit vector normal to chord and span at deflection 0.
-    pub normal: [P; 3],
-    /// Deflection without command, rad.
-    pub deflection: P,
-    /// Minimum and maximum deflection, rad.
-    pub limits: [P; 2],
-    /// `rho A a / 2`
-    pub lift: P,
-    /// `rho A C_D0 / 2`
-    pub drag: Option<P>,
-    /// `rho A k a^2 / 2`
-    pub induced: Option<P>,
-    /// `1 / sin^2 alpha_stall` and `rho A C_90 / 2`
-    pub stall: Option<[P; 2]>,
+numbers! {
+    /// A fin, in vehicle axes.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Fin<P> {
+        /// Centre of pressure, m.
+        pub position: [P; 3],
+        /// Unit vector towards the leading edge at deflection 0.
+        pub chord: [P; 3],
+        /// Unit vector normal to chord and span at deflection 0.
+        pub normal: [P; 3],
+        /// Deflection without command, rad.
+        pub deflection: P,
+        /// Minimum and maximum deflection, rad.
+        pub limits: [P; 2],
+        /// `rho A a / 2`
+        pub lift: P,
+        /// `rho A C_D0 / 2`
+        pub drag: Option<P>,
+        /// `rho A k a^2 / 2`
+        pub induced: Option<P>,
+        /// `1 / sin^2 alpha_stall` and `rho A C_90 / 2`
+        pub stall: Option<[P; 2]>,
+    }
 }
 
 impl<P: Copy> Fin<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Fin<Q> {
-        let c = &change;
-        Fin {
-            position: self.position.map(c),
-            chord: self.chord.map(c),
-            normal: self.normal.map(c),
-            deflection: c(self.deflection),
-            limits: self.limits.map(c),
-            lift: c(self.lift),
-            drag: self.drag.map(c),
-            induced: self.induced.map(c),
-            stall: self.stall.map(|stall| stall.map(c)),
-        }
-    }
-
     /// Components of the force along chord and normal, N, at the velocity components `u` and `w` through the water, m/s.
     #[inline(always)]
     pub(super) fn force<L: Lane>(&self, u: L, w: L) -> [L; 2]

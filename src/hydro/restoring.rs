@@ -1,23 +1,20 @@
 //! Weight and buoyancy.
 
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, numbers};
 use crate::lie::{Vector3, Vector6};
 
-/// Weight and buoyancy of a body under uniform gravity: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Restoring<P> {
-    /// n, mass minus displaced mass, kg.
-    pub net_mass: P,
-    /// s = m r_CoG - rho vol r_CoB, kg m.
-    pub moment: [P; 3],
+numbers! {
+    /// Weight and buoyancy of a body under uniform gravity: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Restoring<P> {
+        /// n, mass minus displaced mass, kg.
+        pub net_mass: P,
+        /// s = m r_CoG - rho vol r_CoB, kg m.
+        pub moment: [P; 3],
+    }
 }
 
 impl<P: Copy> Restoring<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> Restoring<Q> {
-        Restoring { net_mass: change(self.net_mass), moment: self.moment.map(change) }
-    }
-
     /// Wrench under gravity `g` (body axes).
     #[inline(always)]
     pub fn wrench<L: Lane>(&self, g: Vector3<L>) -> Vector6<L>

@@ -1,26 +1,23 @@
 //! Quasi-static tether. `[HC eq. 21, F_EXT]`
 
 use super::fin::MIN_SPEED_SQUARED;
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, numbers};
 use crate::lie::{Vector3, Vector6};
 
-/// A tether, quasi-static: weight in water and drag of the half that the vehicle carries.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tether<P> {
-    /// Point of attachment in the vehicle frame, m.
-    pub position: [P; 3],
-    /// Mass less displaced mass of that half, kg.
-    pub net_mass: P,
-    /// `rho C_D d l / 2` of that half of length l, N s2/m2.
-    pub drag: P,
+numbers! {
+    /// A tether, quasi-static: weight in water and drag of the half that the vehicle carries.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Tether<P> {
+        /// Point of attachment in the vehicle frame, m.
+        pub position: [P; 3],
+        /// Mass less displaced mass of that half, kg.
+        pub net_mass: P,
+        /// `rho C_D d l / 2` of that half of length l, N s2/m2.
+        pub drag: P,
+    }
 }
 
 impl<P: Copy> Tether<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Tether<Q> {
-        Tether { position: self.position.map(&change), net_mass: change(self.net_mass), drag: change(self.drag) }
-    }
-
     /// Wrench on the vehicle, from its twist relative to the water and gravity in vehicle axes.
     #[inline(always)]
     pub fn wrench<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>

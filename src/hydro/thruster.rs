@@ -12,7 +12,7 @@
 //! (`|T| = rho D^4 K_T(0) n^2`), and the thrust is bounded by 0. For flow against the thrust (their anti- and
 //! vague-directional states) it is that of still water.
 
-use crate::lane::{Lane, Param, get_all, horner, unroll};
+use crate::lane::{Lane, Param, get_all, horner, numbers, unroll};
 use crate::lie::Vector6;
 
 /// Maximum number of thrusters.
@@ -21,39 +21,39 @@ pub const THRUSTERS: usize = 16;
 /// One number per thruster; entries past the vehicle's are 0.
 pub type Thrusts = [f64; THRUSTERS];
 
-/// A thruster with dynamics.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Thruster<P> {
-    /// Wrench on the vehicle per newton of thrust: column of T_tcm.
-    pub wrench: [P; 6],
-    /// Row that maps the vehicle's twist to the speed along the axis.
-    pub along: [P; 6],
-    /// Minimum and maximum command and thrust, N.
-    pub limits: [P; 2],
-    /// Time constant, s.
-    pub lag: Option<P>,
-    /// Commands within this range give no thrust, N.
-    pub dead_band: Option<[P; 2]>,
-    /// Map of commands outside the dead band: positive and negative branch.
-    pub map: Option<[Branch<P>; 2]>,
-    /// Loss coefficient k of the inflow, N^(1/2) s/m.
-    pub ambient_flow: Option<P>,
+numbers! {
+    /// A thruster with dynamics.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Thruster<P> {
+        /// Wrench on the vehicle per newton of thrust: column of T_tcm.
+        pub wrench: [P; 6],
+        /// Row that maps the vehicle's twist to the speed along the axis.
+        pub along: [P; 6],
+        /// Minimum and maximum command and thrust, N.
+        pub limits: [P; 2],
+        /// Time constant, s.
+        pub lag: Option<P>,
+        /// Commands within this range give no thrust, N.
+        pub dead_band: Option<[P; 2]>,
+        /// Map of commands outside the dead band: positive and negative branch.
+        pub map: Option<[Branch<P>; 2]>,
+        /// Loss coefficient k of the inflow, N^(1/2) s/m.
+        pub ambient_flow: Option<P>,
+    }
 }
 
-/// Branch of a piecewise linear map: commands and thrusts of one sign.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Branch<P> {
-    /// Thrust at its beginning, N.
-    pub base: P,
-    /// Pieces, outward: magnitude of the command at the beginning, length, slope.
-    pub pieces: Vec<[P; 3]>,
+numbers! {
+    /// Branch of a piecewise linear map: commands and thrusts of one sign.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Branch<P> {
+        /// Thrust at its beginning, N.
+        pub base: P,
+        /// Pieces, outward: magnitude of the command at the beginning, length, slope.
+        pub pieces: Vec<[P; 3]>,
+    }
 }
 
 impl<P: Copy> Branch<P> {
-    fn map<Q>(&self, change: &impl Fn(P) -> Q) -> Branch<Q> {
-        Branch { base: change(self.base), pieces: self.pieces.iter().map(|piece| piece.map(change)).collect() }
-    }
-
     /// Thrust for a command of this magnitude, N.
     #[inline(always)]
     fn at<L: Lane>(&self, size: L) -> L
@@ -71,20 +71,6 @@ impl<P: Copy> Branch<P> {
 }
 
 impl<P: Copy> Thruster<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Thruster<Q> {
-        let c = &change;
-        Thruster {
-            wrench: self.wrench.map(c),
-            along: self.along.map(c),
-            limits: self.limits.map(c),
-            lag: self.lag.map(c),
-            dead_band: self.dead_band.map(|band| band.map(c)),
-            map: self.map.as_ref().map(|branches| branches.each_ref().map(|branch| branch.map(c))),
-            ambient_flow: self.ambient_flow.map(c),
-        }
-    }
-
     /// Steady thrust of a command in still water, N.
     #[inline(always)]
     pub fn steady<L: Lane>(&self, command: L) -> L

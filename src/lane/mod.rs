@@ -44,6 +44,7 @@ mod isa;
 #[allow(unsafe_code)]
 mod neon;
 mod number;
+mod numbers;
 #[allow(unsafe_code)]
 mod param;
 #[allow(unsafe_code)]
@@ -66,6 +67,8 @@ pub use dual::Dual;
 pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
 pub use isa::{Isa, UnknownIsa};
 pub use number::{Kernel, Lane, Real, Routine};
+pub(crate) use numbers::numbers;
+pub use numbers::{Many, Numbers, One, RunVisitor, Struct};
 pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;

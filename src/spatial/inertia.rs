@@ -1,19 +1,21 @@
 //! Symmetric 6x6 inertia: rigid, added or articulated.
 
-use crate::lane::{Lane, Param, get_all, unroll};
+use crate::lane::{Lane, Param, get_all, numbers, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 
-/// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
-///
-/// A rigid body has `M = m I` and `H = -m [c]`; added mass and articulated inertias are full matrices.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpatialInertia<P> {
-    /// Linear block.
-    pub m: [P; 6],
-    /// Coupling block, by rows: linear from angular.
-    pub h: [[P; 3]; 3],
-    /// Angular block.
-    pub j: [P; 6],
+numbers! {
+    /// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
+    ///
+    /// A rigid body has `M = m I` and `H = -m [c]`; added mass and articulated inertias are full matrices.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct SpatialInertia<P> {
+        /// Linear block.
+        pub m: [P; 6],
+        /// Coupling block, by rows: linear from angular.
+        pub h: [[P; 3]; 3],
+        /// Angular block.
+        pub j: [P; 6],
+    }
 }
 
 /// Index of each entry of a symmetric 3x3 matrix among its six numbers.
@@ -86,16 +88,6 @@ impl<P: Copy> SpatialInertia<P> {
             ]
         };
         Self { m: block(0), h: [0, 1, 2].map(|i| [3, 4, 5].map(|k| entry(i, k))), j: block(3) }
-    }
-
-    /// The same with `change` applied to each number.
-    #[inline(always)]
-    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> SpatialInertia<Q> {
-        SpatialInertia {
-            m: self.m.map(&mut change),
-            h: self.h.map(|row| row.map(&mut change)),
-            j: self.j.map(&mut change),
-        }
     }
 
     /// True if only 13 numbers are not 0: M is diagonal, H has no diagonal, and J no products of inertia but xz. Links along an

@@ -1,20 +1,22 @@
 //! Points of a body, and a mass at one.
 
 use super::SpatialInertia;
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, numbers};
 use crate::lie::{Vector3, Vector6};
 
-/// A point of a body, with fewer numbers on an axis of the frame, where points of links often lie.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum BodyPoint<P> {
-    /// On the x axis, m.
-    X(P),
-    /// On the y axis, m.
-    Y(P),
-    /// On the z axis, m.
-    Z(P),
-    /// General position, m.
-    General([P; 3]),
+numbers! {
+    /// A point of a body, with fewer numbers on an axis of the frame, where points of links often lie.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum BodyPoint<P> {
+        /// On the x axis, m.
+        X(x: P),
+        /// On the y axis, m.
+        Y(y: P),
+        /// On the z axis, m.
+        Z(z: P),
+        /// General position, m.
+        General(point: [P; 3]),
+    }
 }
 
 impl BodyPoint<f64> {
@@ -30,16 +32,6 @@ impl BodyPoint<f64> {
 }
 
 impl<P: Copy> BodyPoint<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> BodyPoint<Q> {
-        match *self {
-            BodyPoint::X(x) => BodyPoint::X(change(x)),
-            BodyPoint::Y(y) => BodyPoint::Y(change(y)),
-            BodyPoint::Z(z) => BodyPoint::Z(change(z)),
-            BodyPoint::General(point) => BodyPoint::General(point.map(change)),
-        }
-    }
-
     /// Coordinates, in lanes.
     #[inline(always)]
     pub fn coordinates<L: Lane>(&self) -> Vector3<L>
@@ -56,21 +48,18 @@ impl<P: Copy> BodyPoint<P> {
     }
 }
 
-/// A mass at a point of a body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointMass<P> {
-    /// kg.
-    pub mass: P,
-    /// Position in the body frame.
-    pub position: BodyPoint<P>,
+numbers! {
+    /// A mass at a point of a body.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct PointMass<P> {
+        /// kg.
+        pub mass: P,
+        /// Position in the body frame.
+        pub position: BodyPoint<P>,
+    }
 }
 
 impl<P: Copy> PointMass<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> PointMass<Q> {
-        PointMass { mass: change(self.mass), position: self.position.map(change) }
-    }
-
     /// Inertia in the body frame: `[[m I, -m [r]], [m [r], -m [r] [r]]]`.
     #[inline(always)]
     pub fn inertia<L: Lane>(&self) -> SpatialInertia<L>

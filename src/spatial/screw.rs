@@ -5,31 +5,21 @@ use std::hint::cold_path;
 
 use super::SpatialInertia;
 use super::inertia::PACKED;
-use crate::lane::{Lane, Param, unroll};
+use crate::lane::{Lane, Param, numbers, unroll};
 use crate::lie::{Vector3, Vector6};
 
-/// Rotation angle of a constant screw (alpha, the link twist, of a screw about x), with the common cases apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LinkTwist<P> {
-    /// 0: parallel axes.
-    Deg0,
-    /// pi/2: perpendicular axes.
-    Deg90,
-    /// pi: opposite axes.
-    Deg180,
-    /// Any other angle, by its sine and cosine.
-    General(P, P),
-}
-
-impl<P: Copy> LinkTwist<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> LinkTwist<Q> {
-        match *self {
-            LinkTwist::Deg0 => LinkTwist::Deg0,
-            LinkTwist::Deg90 => LinkTwist::Deg90,
-            LinkTwist::Deg180 => LinkTwist::Deg180,
-            LinkTwist::General(s, c) => LinkTwist::General(change(s), change(c)),
-        }
+numbers! {
+    /// Rotation angle of a constant screw (alpha, the link twist, of a screw about x), with the common cases apart.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum LinkTwist<P> {
+        /// 0: parallel axes.
+        Deg0,
+        /// pi/2: perpendicular axes.
+        Deg90,
+        /// pi: opposite axes.
+        Deg180,
+        /// Any other angle, by its sine and cosine.
+        General(sin: P, cos: P),
     }
 }
 

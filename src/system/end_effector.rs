@@ -6,24 +6,30 @@ use super::compile::compile;
 use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
 use crate::description::{Frame, Scene};
-use crate::lane::{Lane, Param, Routine, Shared, get_option, sin_cos};
+use crate::lane::{Lane, Param, Routine, Shared, get_option, numbers, sin_cos};
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
-/// The chain from the vehicle frame to the end effector, in the kernel's joint frames.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EndEffector<P = Shared<f64>> {
-    joints: Vec<Link<P>>,
-    /// Rotation and position in the frame of the last joint (of the vehicle, if there is none).
-    tip: ([[P; 3]; 3], [P; 3]),
+numbers! {
+    /// The chain from the vehicle frame to the end effector, in the kernel's joint frames.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct EndEffector<P = Shared<f64>> {
+        joints: Vec<Link<P>>,
+        /// Rotation to the frame of the last joint (of the vehicle, if there is none).
+        rotation: [[P; 3]; 3],
+        /// Position in that frame, m.
+        position: [P; 3],
+    }
 }
 
-/// Kinematics of a joint: [`JointTerms`] without the body.
-#[derive(Debug, Clone, PartialEq)]
-struct Link<P> {
-    placement: JointPlacement<P>,
-    offset: P,
-    screw: JointScrew<P>,
+numbers! {
+    /// Kinematics of a joint: [`JointTerms`] without the body.
+    #[derive(Debug, Clone, PartialEq)]
+    struct Link<P> {
+        placement: JointPlacement<P>,
+        offset: P,
+        screw: JointScrew<P>,
+    }
 }
 
 impl EndEffector {
@@ -53,8 +59,8 @@ impl EndEffector {
             offset: joint.offset,
             screw: joint.screw,
         };
-        let tip = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
-        Self { joints: joints.iter().map(link).collect(), tip }
+        let (rotation, position) = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
+        Self { joints: joints.iter().map(link).collect(), rotation, position }
     }
 
     /// Rotation to the vehicle frame and position in it, m, at joint coordinates `q`. `[MLS94 sec. 3.2]`
@@ -65,28 +71,13 @@ impl EndEffector {
 }
 
 impl<P: Copy> EndEffector<P> {
-    /// The chain with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> EndEffector<Q> {
-        let c = &change;
-        let link = |link: &Link<P>| Link {
-            placement: link.placement.map(c),
-            offset: c(link.offset),
-            screw: link.screw.map(c),
-        };
-        let (rotation, position) = self.tip;
-        EndEffector {
-            joints: self.joints.iter().map(link).collect(),
-            tip: (rotation.map(|row| row.map(c)), position.map(c)),
-        }
-    }
-
     /// Pose in the vehicle frame at joint coordinates `q`.
     #[inline(always)]
     pub fn at<L: Lane>(&self, q: &[L; JOINTS]) -> Pose<L>
     where
         P: Param<L>,
     {
-        let mut pose = Pose::of(&self.tip.0, &self.tip.1);
+        let mut pose = Pose::of(&self.rotation, &self.position);
         L::call(&mut ForwardKinematics { end_effector: self, q, pose: &mut pose });
         pose
     }

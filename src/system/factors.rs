@@ -2,7 +2,7 @@
 
 use super::model::{BodyTerms, System};
 use crate::hydro::{CoefficientMatrix, Damping, Restoring};
-use crate::lane::{Lane, Param, Real, Shared, unroll};
+use crate::lane::{Lane, Param, Real, Shared, numbers, unroll};
 use crate::lie::Vector3;
 use crate::spatial::{BodyPoint, PointMass, SpatialInertia};
 
@@ -73,52 +73,35 @@ impl<L: Copy> Factors<L> {
     }
 }
 
-/// Inertia in the central frame of a body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CentralInertia<P> {
-    /// Diagonal.
-    pub diagonal: [P; 6],
-    /// Products of inertia: `[J_yz, J_xz, J_xy]`.
-    pub products: [P; 3],
-}
-
-impl<P> CentralInertia<P> {
-    fn map<Q>(self, change: &impl Fn(P) -> Q) -> CentralInertia<Q> {
-        CentralInertia { diagonal: self.diagonal.map(change), products: self.products.map(change) }
+numbers! {
+    /// Inertia in the central frame of a body.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct CentralInertia<P> {
+        /// Diagonal.
+        pub diagonal: [P; 6],
+        /// Products of inertia: `[J_yz, J_xz, J_xy]`.
+        pub products: [P; 3],
     }
 }
 
-/// Parts of the terms of a moving body before [`Factors`] scale and sum them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct UnscaledBodyTerms<P> {
-    /// Rigid inertia.
-    pub rigid: SpatialInertia<P>,
-    /// Added inertia.
-    pub added: SpatialInertia<P>,
-    /// Rigid and added inertia in the central frame, if the body has one.
-    pub central: Option<[CentralInertia<P>; 2]>,
-    /// Mass and its moment.
-    pub weight: Restoring<P>,
-    /// Displaced mass and its moment.
-    pub displaced: Restoring<P>,
-    /// Damping: [`BodyTerms::damping`].
-    pub damping: Vec<Damping<P>>,
-    /// Diagonals of D_L and D_Q in the central frame, if the body has any there.
-    pub central_damping: Option<[[P; 6]; 2]>,
-}
-
-impl<P: Copy> UnscaledBodyTerms<P> {
-    /// The same with `change` applied to each number.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> UnscaledBodyTerms<Q> {
-        UnscaledBodyTerms {
-            rigid: self.rigid.map(&change),
-            added: self.added.map(&change),
-            central: self.central.map(|parts| parts.map(|inertia| inertia.map(&change))),
-            weight: self.weight.map(&change),
-            displaced: self.displaced.map(&change),
-            damping: self.damping.iter().map(|damping| damping.map(&change)).collect(),
-            central_damping: self.central_damping.map(|two| two.map(|d| d.map(&change))),
-        }
+numbers! {
+    /// Parts of the terms of a moving body before [`Factors`] scale and sum them.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct UnscaledBodyTerms<P> {
+        /// Rigid inertia.
+        pub rigid: SpatialInertia<P>,
+        /// Added inertia.
+        pub added: SpatialInertia<P>,
+        /// Rigid and added inertia in the central frame, if the body has one.
+        pub central: Option<[CentralInertia<P>; 2]>,
+        /// Mass and its moment.
+        pub weight: Restoring<P>,
+        /// Displaced mass and its moment.
+        pub displaced: Restoring<P>,
+        /// Damping: [`BodyTerms::damping`].
+        pub damping: Vec<Damping<P>>,
+        /// Diagonals of D_L and D_Q in the central frame, if the body has any there.
+        pub central_damping: Option<[[P; 6]; 2]>,
     }
 }
 

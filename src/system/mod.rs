@@ -19,7 +19,7 @@ pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
 pub use factors::{FACTORS, Factors, UnscaledBodyTerms};
-pub use instance_system::{InstanceSystem, RunVisitor};
+pub use instance_system::InstanceSystem;
 pub use model::{
     Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo,
 };

@@ -2,9 +2,9 @@
 
 use super::aligned::Aligned;
 use crate::error::SimulatorError;
-use crate::lane::{Lane, Real, Routine};
+use crate::lane::{Lane, Numbers, Real, Routine, RunVisitor};
 use crate::limits::interrupt;
-use crate::system::{Compiled, Factors, InstanceSystem, RunVisitor};
+use crate::system::{Compiled, Factors, InstanceSystem};
 
 /// First row of each run of numbers ([`InstanceSystem::visit`]); none where all instances share the run.
 pub type RunRows = Vec<Option<u32>>;

@@ -68,6 +68,6 @@ fn difference_outside_kernels(one: &Scene, other: &Scene) -> Option<String> {
         let differs = one.vehicle.servo.is_some() != other.vehicle.servo.is_some();
         let place = if differs { Some("vehicle.servo") } else { None };
         let place = place.or((servos(one) != servos(other)).then_some("arm: a joint's servo"));
-        place.map(|place| format!("{place} in one of them only"))
+        place.map(|place| format!("{place}, in whether it is there"))
     })
 }
