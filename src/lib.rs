@@ -26,7 +26,9 @@
 //! limits        interrupts of long computations, memory
 //! lie           SO(3), SE(3), dexp
 //! spatial       twists, wrenches, inertia
-//! hydro         damping, restoring, thrusters, fins, tether
+//! hydro         damping, restoring, thrusters
+//! keys          keys of scene files: short forms, checks, axes
+//! terms         further forces on the vehicle, one file each: fins, tether
 //! description   scenes as plain data: TOML, checks, warnings
 //! estimate      coefficients of a body from its shape
 //! urdf          arms from URDF files
@@ -55,6 +57,7 @@ pub mod error;
 pub mod estimate;
 pub mod hydro;
 pub mod integrate;
+pub mod keys;
 pub mod lane;
 pub mod lie;
 pub mod limits;
@@ -64,4 +67,5 @@ pub mod render;
 pub mod spatial;
 pub mod system;
 pub mod task;
+pub mod terms;
 pub mod urdf;

@@ -35,6 +35,7 @@ __all__ = [
     "task_defaults",
     "tasks",
     "trajectory_inputs",
+    "vehicle_terms",
 ]
 
 _Scene: TypeAlias = str | PathLike[str] | dict[str, Any]
@@ -72,6 +73,9 @@ def tasks() -> list[tuple[str, str]]: ...
 def task_defaults(task: str) -> dict[str, Any]: ...
 def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
+
+def vehicle_terms() -> list[tuple[str, str]]:
+    """Terms of a vehicle beyond its body and thrusters: key in the vehicle's table, and a note for reports."""
 
 def load_scene(scene: _Scene) -> dict[str, Any]:
     """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units."""
@@ -277,13 +281,13 @@ class Simulator:
     def torque_influence(self) -> _Floats:
         """(N, 6 + n, n) L. [HC eq. 13]"""
     def body_wrenches(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
-        """(N, n + 1, 6) each: damping, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
+        """(N, n + 1, 6) each: damping, restoring, flow, thrust, `vehicle_terms`, external, sum; N and N m."""
     def joint_torques(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N, n) each: command, friction, end_stop, sum; N m or N."""
     def energy(self) -> dict[str, _Floats]:
         """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""
     def power(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
-        """(N,) each: damping, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
+        """(N,) each: damping, friction, end_stop, flow, thrust, `vehicle_terms`, external, joint_command, total; W."""
     def momentum(self) -> _Floats:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, _Floats]:

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Frame, LinearActuator, numbers};
+use super::{Body, Frame, LinearActuator};
+use crate::keys::numbers;
 
 /// A serial arm on the vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -6,12 +6,12 @@
 //! rates, axes of rotation and roll, pitch and yaw of frames transform like any vector; angles about axes and diagonal
 //! matrices stay as they are.
 
-use nalgebra::{SMatrix, Vector3};
 use toml::Value;
 
-use super::fault::Fault;
-use super::{Body, Fin, Scene, Shape, Tether, Thruster, path};
+use super::{Body, Scene, Shape, Thruster, Vehicle, path};
 use crate::error::Problem;
+use crate::keys::{Fault, flip, flip_matrix, flip_six};
+use crate::terms::PerTerm;
 
 /// Key that states the axes of a table.
 const KEY: &str = "axes";
@@ -31,6 +31,14 @@ fn table(root: &mut Value, keys: [&str; 2], enclosing: bool) -> Result<bool, Fau
     let found = root.get_mut(keys[0]).and_then(|table| table.get_mut(keys[1]));
     let own = found.map_or(Ok(None), |table| stated(table, &keys.join(".")))?;
     Ok(own.unwrap_or(enclosing))
+}
+
+/// Axes of a table or of the elements of a list of tables, one entry for each.
+pub fn tables(root: &mut Value, keys: [&str; 2], enclosing: bool) -> Result<Vec<bool>, Fault> {
+    if root.get(keys[0]).and_then(|table| table.get(keys[1])).is_some_and(Value::is_array) {
+        return list(root, keys, None, enclosing);
+    }
+    Ok(vec![table(root, keys, enclosing)?])
 }
 
 /// Axes of the elements of a list of tables, or of a table in each of them, else of the enclosing table; true for NED.
@@ -55,8 +63,7 @@ pub struct NedTables {
     vehicle: bool,
     body: bool,
     thrusters: Vec<bool>,
-    fins: Vec<bool>,
-    tether: bool,
+    terms: PerTerm<Vec<bool>>,
     base: bool,
     links: Vec<bool>,
     payload: bool,
@@ -65,15 +72,14 @@ pub struct NedTables {
 impl NedTables {
     /// Removes the keys `axes` from a scene's tree of values.
     ///
-    /// `vehicle.axes` holds for all tables of the vehicle; each body, thruster, fin and the tether may state its own.
+    /// `vehicle.axes` holds for all tables of the vehicle; each body, thruster and table of a term may state its own.
     pub fn take(tree: &mut Value) -> Result<Self, Fault> {
         let vehicle = tree.get_mut("vehicle").map_or(Ok(None), |table| stated(table, "vehicle"))?.unwrap_or(false);
         Ok(Self {
             vehicle,
             body: table(tree, ["vehicle", "body"], vehicle)?,
             thrusters: list(tree, ["vehicle", "thrusters"], None, vehicle)?,
-            fins: list(tree, ["vehicle", "fins"], None, vehicle)?,
-            tether: table(tree, ["vehicle", "tether"], vehicle)?,
+            terms: Vehicle::take_term_axes(tree, vehicle)?,
             base: table(tree, ["arm", "base"], false)?,
             links: list(tree, ["arm", "links"], Some("body"), false)?,
             payload: table(tree, ["payload", "body"], false)?,
@@ -85,9 +91,8 @@ impl NedTables {
         let vehicle = &mut scene.vehicle;
         convert(self.body, Some(&mut vehicle.body), convert_body);
         convert(self.vehicle, vehicle.shape.as_mut(), |shape: &mut Shape| flip(&mut shape.position));
-        convert(self.tether, vehicle.tether.as_mut(), |tether: &mut Tether| flip(&mut tether.position));
+        vehicle.convert_term_axes(&self.terms);
         vehicle.thrusters.iter_mut().zip(&self.thrusters).for_each(|(t, &ned)| convert(ned, Some(t), convert_thruster));
-        vehicle.fins.iter_mut().zip(&self.fins).for_each(|(fin, &ned)| convert(ned, Some(fin), convert_fin));
         if let Some(arm) = &mut scene.arm {
             convert(self.base, arm.base.as_mut(), convert_body);
             arm.links.iter_mut().zip(&self.links).for_each(|(l, &ned)| convert(ned, Some(&mut l.body), convert_body));
@@ -117,40 +122,5 @@ fn convert_body(body: &mut Body) {
 fn convert_thruster(thruster: &mut Thruster) {
     flip(&mut thruster.position);
     flip(&mut thruster.axis);
-    if let Some(induced) = &mut thruster.induced {
-        induced.iter_mut().enumerate().filter(|(i, _)| changes_sign(*i)).for_each(|(_, x)| negate(x));
-    }
-}
-
-fn convert_fin(fin: &mut Fin) {
-    flip(&mut fin.position);
-    flip(&mut fin.chord);
-    flip(&mut fin.axis);
-}
-
-/// True for the entries of a 3-vector, or of each half of a 6-vector, along y and z.
-fn changes_sign(i: usize) -> bool {
-    !i.is_multiple_of(3)
-}
-
-/// `-x`, with 0 for 0.
-fn negate(x: &mut f64) {
-    *x = 0.0 - *x;
-}
-
-/// `S v`
-fn flip(v: &mut Vector3<f64>) {
-    negate(&mut v.y);
-    negate(&mut v.z);
-}
-
-/// `S J S` or `diag(S, S) M diag(S, S)`
-fn flip_matrix<const N: usize>(m: &mut SMatrix<f64, N, N>) {
-    for i in 0..N {
-        for k in 0..N {
-            if changes_sign(i) != changes_sign(k) {
-                negate(&mut m[(i, k)]);
-            }
-        }
-    }
+    thruster.induced.iter_mut().for_each(flip_six);
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::numbers;
+use crate::keys::numbers;
 
 /// A rigid body and its hydrodynamics, in the body frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

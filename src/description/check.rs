@@ -1,14 +1,10 @@
 //! Physical validity of a scene.
 
-use nalgebra::Vector3;
 use toml::Value;
 
-use super::fault::{Fault, range};
-use super::{
-    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, check_body,
-    path,
-};
+use super::{Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body, path};
 use crate::error::{DescriptionError, Problem};
+use crate::keys::{Fault, check_axis, check_names, check_not_negative, normalise, range};
 
 /// Maximum magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
@@ -27,24 +23,15 @@ pub fn magnitudes(root: &Value) -> Result<(), Fault> {
     }
 }
 
-fn axis(axis: &Vector3<f64>, key: impl FnOnce() -> String) -> Result<(), Fault> {
-    if axis.norm() > 1e-9 { Ok(()) } else { Err(Fault::new(key(), Problem::ZeroAxis { axis: (*axis).into() })) }
-}
-
-/// A fault for the first negative number; their keys are below `key`.
-fn not_negative<const K: usize>(key: &str, numbers: [(&str, f64); K]) -> Result<(), Fault> {
-    numbers.into_iter().try_for_each(|(name, x)| range(x >= 0.0, x, ">= 0", || format!("{key}.{name}")))
-}
-
 fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
-    axis(&thruster.axis, || format!("{key}.axis"))?;
+    check_axis(&thruster.axis, || format!("{key}.axis"))?;
     let [lower, upper] = thruster.limits;
     if !(lower <= 0.0 && 0.0 <= upper && lower < upper) {
         let rule = "enclose 0, the lower below the upper";
         return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
     }
     let optional = [("lag", thruster.lag), ("dead_band", thruster.dead_band), ("ambient_flow", thruster.ambient_flow)];
-    not_negative(key, optional.map(|(name, value)| (name, value.unwrap_or(0.0))))?;
+    check_not_negative(key, optional.map(|(name, value)| (name, value.unwrap_or(0.0))))?;
     let deduction = thruster.deduction.unwrap_or(0.0);
     range((0.0..1.0).contains(&deduction), deduction, "at least 0 and below 1", || format!("{key}.deduction"))?;
     match &thruster.map {
@@ -70,38 +57,6 @@ fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Maximum cosine of the angle between chord and axis of a fin that counts as 0.
-const PERPENDICULAR: f64 = 1e-6;
-/// Maximum number of fins of a vehicle.
-const MAX_FINS: usize = 8;
-
-fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
-    axis(&fin.axis, || format!("{key}.axis"))?;
-    axis(&fin.chord, || format!("{key}.chord"))?;
-    let cosine = fin.chord.normalize().dot(&fin.axis.normalize());
-    let rule = "0: the cosine of the angle between chord and axis";
-    range(cosine.abs() <= PERPENDICULAR, cosine, rule, || format!("{key}.chord"))?;
-    not_negative(key, [("area", fin.area), ("lift_slope", fin.lift_slope), ("drag", fin.drag)])?;
-    not_negative(key, [("induced_drag", fin.induced_drag), ("plate", fin.plate)])?;
-    if let Some(stall) = fin.stall {
-        let ok = (MIN_STALL..=std::f64::consts::FRAC_PI_2).contains(&stall);
-        range(ok, stall, "from 0.01 to pi/2 rad", || format!("{key}.stall"))?;
-    }
-    let [lower, upper] = fin.range();
-    if !(lower <= fin.deflection && fin.deflection <= upper) {
-        let rule = "enclose the deflection, the lower below the upper";
-        return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
-    }
-    for limit in [lower, upper] {
-        let name = if fin.limits.is_some() { "limits" } else { "deflection" };
-        range(limit.abs() <= std::f64::consts::PI, limit, "within -pi and pi", || format!("{key}.{name}"))?;
-    }
-    Ok(())
-}
-
-/// Minimum stall angle, rad.
-const MIN_STALL: f64 = 0.01;
-
 fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.kind != JointKind::Revolute || joint.effort.is_some() {
         let reason = "needs a revolute joint without effort: its force takes the place of effort";
@@ -110,7 +65,7 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
     for (name, value) in [("base", actuator.base), ("lever", actuator.lever)] {
         range(value > 0.0, value, "> 0", || format!("{key}.{name}"))?;
     }
-    not_negative(key, [("force", actuator.force)])?;
+    check_not_negative(key, [("force", actuator.force)])?;
     // The lever arm is 0 where both points and the axis are collinear, and changes its sign there.
     let reach = joint.limits.as_ref().map_or([0.0; 2], |limits| [limits.lower, limits.upper]);
     for q in reach {
@@ -124,13 +79,13 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
 }
 
 fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
-    axis(&joint.axis, || format!("{key}.axis"))?;
+    check_axis(&joint.axis, || format!("{key}.axis"))?;
     let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
     let friction = &joint.friction;
-    not_negative(key, [("friction.viscous", friction.viscous), ("friction.coulomb", friction.coulomb)])?;
-    not_negative(key, [("rotor_inertia", joint.rotor_inertia)])?;
+    check_not_negative(key, [("friction.viscous", friction.viscous), ("friction.coulomb", friction.coulomb)])?;
+    check_not_negative(key, [("rotor_inertia", joint.rotor_inertia)])?;
     above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
-    not_negative(key, [("effort", joint.effort.unwrap_or(0.0))])?;
+    check_not_negative(key, [("effort", joint.effort.unwrap_or(0.0))])?;
     if let Some(linear) = &joint.actuator {
         actuator(linear, joint, &format!("{key}.actuator"))?;
     }
@@ -138,7 +93,7 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
         above_zero("speed", speed)?;
     }
     if let Some(servo) = &joint.servo {
-        not_negative(key, [("servo.kp", servo.kp), ("servo.kd", servo.kd)])?;
+        check_not_negative(key, [("servo.kp", servo.kp), ("servo.kd", servo.kd)])?;
     }
     if let Some(limits) = &joint.limits {
         let (lower, upper, home) = (limits.lower, limits.upper, joint.home);
@@ -146,30 +101,10 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
             let problem = Problem::Limits { lower, upper, rule: "ascend" };
             return Err(Fault::new(format!("{key}.limits"), problem));
         }
-        not_negative(key, [("limits.stiffness", limits.stiffness), ("limits.damping", limits.damping)])?;
+        check_not_negative(key, [("limits.stiffness", limits.stiffness), ("limits.damping", limits.damping)])?;
         if !(lower..=upper).contains(&home) {
             return Err(Fault::new(format!("{key}.home"), Problem::HomeOutside { home, lower, upper }));
         }
-    }
-    Ok(())
-}
-
-/// Checks names in a list: not empty, without brackets (part of the syntax of keys), unique.
-fn names<'a>(list: impl Iterator<Item = &'a str>, reserved: &[&str], key: &str) -> Result<(), Fault> {
-    let mut seen = Vec::new();
-    for (i, name) in list.enumerate() {
-        let reason = match name {
-            "" => Some("empty"),
-            _ if name.contains(['[', ']']) => Some("invalid: brackets are part of the syntax of keys"),
-            _ if reserved.contains(&name) => Some("reserved"),
-            _ if seen.contains(&name) => Some("taken by an earlier element"),
-            _ => None,
-        };
-        if let Some(reason) = reason {
-            let problem = Problem::Name { name: name.to_owned(), reason };
-            return Err(Fault::new(format!("{key}[{i}].name"), problem));
-        }
-        seen.push(name);
     }
     Ok(())
 }
@@ -186,7 +121,7 @@ impl Scene {
     pub(super) fn validate(&self) -> Result<Vec<SceneWarning>, Fault> {
         let tree = self.to_tree();
         magnitudes(&tree)?;
-        not_negative("water", [("density", self.water.density)])?;
+        check_not_negative("water", [("density", self.water.density)])?;
         self.validate_vehicle()?;
         self.validate_arm()?;
         self.provenance.check(&tree)?;
@@ -200,24 +135,12 @@ impl Scene {
     }
 
     fn validate_vehicle(&self) -> Result<(), Fault> {
-        names(self.vehicle.thrusters.iter().map(|t| t.name.as_str()), &[], "vehicle.thrusters")?;
+        check_names(self.vehicle.thrusters.iter().map(|t| t.name.as_str()), &[], "vehicle.thrusters")?;
         for (i, t) in self.vehicle.thrusters.iter().enumerate() {
             thruster(t, &format!("vehicle.thrusters[{i}]"))?;
         }
-        not_negative("vehicle", [("thruster_lag", self.vehicle.thruster_lag.unwrap_or(0.0))])?;
-        let fins = &self.vehicle.fins;
-        if fins.len() > MAX_FINS {
-            return Err(Fault::new("vehicle.fins", Problem::TooMany { found: fins.len(), max: MAX_FINS }));
-        }
-        names(fins.iter().map(|fin| fin.name.as_str()), &[], "vehicle.fins")?;
-        for (i, f) in fins.iter().enumerate() {
-            fin(f, &format!("vehicle.fins[{i}]"))?;
-        }
-        if let Some(Tether { length, diameter, mass_per_length, drag, .. }) = self.vehicle.tether {
-            let numbers =
-                [("length", length), ("diameter", diameter), ("mass_per_length", mass_per_length), ("drag", drag)];
-            not_negative("vehicle.tether", numbers)?;
-        }
+        check_not_negative("vehicle", [("thruster_lag", self.vehicle.thruster_lag.unwrap_or(0.0))])?;
+        self.vehicle.check_terms()?;
         if let Some(servo) = &self.vehicle.servo {
             for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {
                 for (i, gain) in gains.into_iter().enumerate() {
@@ -241,7 +164,7 @@ impl Scene {
         if arm.links.len() > MAX_LINKS {
             return Err(Fault::new("arm.links", Problem::TooMany { found: arm.links.len(), max: MAX_LINKS }));
         }
-        names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
+        check_names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
         if let Some(q0) = &arm.mount.joint {
             joint(q0, "arm.mount.joint")?;
             if arm.base.is_none() {
@@ -256,13 +179,8 @@ impl Scene {
 
     /// Normalises axes and makes symmetric matrices exactly symmetric. Idempotent.
     pub(super) fn make_canonical(&mut self) {
-        fn normalise(axis: &mut Vector3<f64>) {
-            if (axis.norm() - 1.0).abs() > 4.0 * f64::EPSILON {
-                axis.normalize_mut();
-            }
-        }
         self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
-        self.vehicle.fins.iter_mut().flat_map(|fin| [&mut fin.axis, &mut fin.chord]).for_each(normalise);
+        self.vehicle.normalise_terms();
         if let Some(arm) = &mut self.arm {
             let joints = arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint));
             joints.for_each(|joint| normalise(&mut joint.axis));

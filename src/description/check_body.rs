@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
 
-use super::fault::{Fault, range};
 use super::{Body, Frame, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
+use crate::keys::{Fault, range};
 
 /// Maximum difference of the entries ij and ji of a symmetric matrix A that counts as rounding of published digits, relative to
 /// `sqrt(A_ii A_jj)`, the maximum that the entry can have: their mean changes the motion by less.

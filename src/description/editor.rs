@@ -2,8 +2,9 @@
 
 use toml::Value;
 
-use super::{Fault, Scene, path};
+use super::{Scene, path};
 use crate::error::{DescriptionError, Problem};
+use crate::keys::Fault;
 
 /// Makes scenes that differ from one scene in the values of keys.
 #[derive(Debug, Clone)]

@@ -12,17 +12,15 @@ mod check_body;
 mod derived;
 mod editor;
 mod fault;
-mod fin;
-pub(crate) mod numbers;
 pub mod path;
 mod provenance;
 mod read;
 mod scene;
 mod scene_numbers;
 mod shape;
-mod tether;
 mod thrust_map;
 mod vehicle;
+mod vehicle_terms;
 mod warnings;
 
 pub use actuator::LinearActuator;
@@ -30,14 +28,13 @@ pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mo
 pub use body::{Body, Damping, Frame, InertiaPoint};
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
 pub use editor::SceneEditor;
-use fault::Fault;
-pub use fin::Fin;
 pub use provenance::{Origin, Provenance};
 pub use read::{parse_toml, read_file, read_value};
 pub use scene::{Payload, Scene, Water};
 pub use scene_numbers::Number;
 pub use shape::{Shape, ShapeKind};
-pub use tether::Tether;
 pub use thrust_map::ThrustMap;
 pub use vehicle::{Thruster, Vehicle, VehicleServo};
 pub use warnings::SceneWarning;
+
+pub use crate::terms::tables::*;

@@ -6,9 +6,9 @@ use serde::de::value::{Error, StrDeserializer};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use super::fault::Fault;
 use super::path::{self, Step};
 use crate::error::Problem;
+use crate::keys::Fault;
 
 /// Origin of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

@@ -7,8 +7,9 @@ use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::axes::NedTables;
-use super::{Fault, Scene, check, path};
+use super::{Scene, check, path};
 use crate::error::{DescriptionError, Problem};
+use crate::keys::Fault;
 
 /// Maximum size of a file of a scene, an outline or a robot.
 const MAX_BYTES: u64 = 16_000_000;

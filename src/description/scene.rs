@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::body::InertiaPoint;
-use super::{Arm, Body, Frame, Provenance, Vehicle, numbers};
+use super::{Arm, Body, Frame, Provenance, Vehicle};
+use crate::keys::numbers;
 
 /// Vehicle, arm and water: all numbers of a simulation but its state and options.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,6 +70,7 @@ impl Scene {
                 *displaced *= volume;
             }
         }
+        scene.vehicle.scale_linear_damping(linear);
         if payload != 0.0 {
             scene.carry(payload);
         }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::numbers;
+use crate::keys::numbers;
 
 /// Shape of the vehicle in pictures, without influence on the physics. Default: the homogeneous box of its mass and inertia.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,8 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
+use super::{Body, Fin, Shape, Tether, ThrustMap};
+use crate::keys::numbers;
 
 /// Base body with its thrusters, fins and tether.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -80,6 +81,11 @@ impl Thruster {
 }
 
 impl Vehicle {
+    /// Deflections of the fins without command, rad.
+    pub fn deflections(&self) -> Vec<f64> {
+        self.fins.iter().map(|fin| fin.deflection).collect()
+    }
+
     /// Time constant of thruster `i`, s; 0 without lag.
     pub fn lag(&self, i: usize) -> f64 {
         self.thrusters[i].lag.or(self.thruster_lag).unwrap_or(0.0)

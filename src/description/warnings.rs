@@ -53,7 +53,7 @@ impl fmt::Display for SceneWarning {
     }
 }
 
-fn implausible(key: impl Into<String>, text: String) -> SceneWarning {
+pub fn implausible(key: impl Into<String>, text: String) -> SceneWarning {
     SceneWarning::Implausible { key: key.into(), text }
 }
 
@@ -76,6 +76,7 @@ impl Scene {
         }
         self.lint_arm(&mut warnings);
         self.lint_thrusters(&mut warnings);
+        self.vehicle.lint_terms(&mut warnings);
         warnings
     }
 

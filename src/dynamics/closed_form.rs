@@ -2,11 +2,12 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
-use super::dense::{Appendages, DenseBody, EndStop, Pose, friction, relative_twist};
+use super::dense::{DenseBody, EndStop, Pose, friction, relative_twist};
 use super::dynamical_balance::{Composite, Equations};
-use crate::description::{Arm, Scene, Thruster};
+use crate::description::{Arm, Scene, Thruster, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
+use crate::terms::{DenseInstant, PerTerm};
 
 /// Composed model of a scene, built once and evaluated at any state.
 #[derive(Debug, Clone)]
@@ -19,8 +20,9 @@ pub struct ClosedFormModel {
     pub thruster_configuration: DMatrix<f64>,
     /// True if the vehicle is fixed in the world. `[HC eq. 27]`
     pub fixed: bool,
-    /// Fins and tether.
-    pub appendages: Appendages,
+    /// The vehicle, for the dense twins of its terms.
+    pub vehicle: Vehicle,
+    density: f64,
     pub(super) gravity: Vector3<f64>,
     /// Body of `system` that carries the end effector, and the end effector in its frame.
     pub(super) end_effector: (usize, Pose),
@@ -66,7 +68,8 @@ impl ClosedFormModel {
             arm,
             thruster_configuration: thruster_configuration(&scene.vehicle.thrusters),
             fixed: scene.vehicle.fixed,
-            appendages: Appendages::new(&scene.vehicle, &scene.water),
+            vehicle: scene.vehicle.clone(),
+            density: scene.water.density,
             gravity: scene.water.gravity,
             end_effector,
         })
@@ -135,10 +138,8 @@ pub struct BodyWrenches {
     pub flow: Vec<Vector6<f64>>,
     /// Thrusters, on the vehicle.
     pub thrust: Vector6<f64>,
-    /// Fins, on the vehicle.
-    pub fins: Vector6<f64>,
-    /// Tether, on the vehicle.
-    pub tether: Vector6<f64>,
+    /// Terms of the vehicle: fins, tether and others.
+    pub terms: PerTerm<Vector6<f64>>,
     /// External wrenches.
     pub external: Vec<Vector6<f64>>,
     /// Sum of all the above.
@@ -223,15 +224,20 @@ impl ClosedForm<'_> {
         let thrust = Vector6::from_column_slice((&self.model.thruster_configuration * thrust).as_slice());
         let mut sum: Vec<_> = (0..damping.len()).map(|k| damping[k] + restoring[k] + flow[k] + external[k]).collect();
         sum[0] += thrust;
-        let appendages = &self.model.appendages;
         let deflections = match loads.fins {
-            [] => appendages.deflections(),
-            given => filled("fin deflection", given, appendages.fins(), 0.0)?,
+            [] => self.model.vehicle.deflections(),
+            given => filled("fin deflection", given, self.model.vehicle.fins.len(), 0.0)?,
         };
-        let fins = appendages.fin_wrench(&deflections, &self.relative_twist(0));
-        let tether = appendages.tether_wrench(&self.relative_twist(0), &self.pose.rotation.tr_mul(&self.model.gravity));
-        sum[0] += fins + tether;
-        Ok(BodyWrenches { damping, restoring, flow, thrust, fins, tether, external, sum })
+        let terms = self.term_wrenches(&deflections);
+        sum[0] += terms.into_array().iter().sum::<Vector6<f64>>();
+        Ok(BodyWrenches { damping, restoring, flow, thrust, terms, external, sum })
+    }
+
+    /// Wrenches of the vehicle's terms at deflections of the fins, N and N m.
+    pub(super) fn term_wrenches(&self, deflections: &[f64]) -> PerTerm<Vector6<f64>> {
+        let gravity = self.pose.rotation.tr_mul(&self.model.gravity);
+        let (density, relative) = (self.model.density, self.relative_twist(0));
+        self.model.vehicle.dense_term_wrenches(&DenseInstant { density, gravity, relative, deflections })
     }
 
     /// Damping wrench per moving body, N and N m. `[HC eq. 22]`

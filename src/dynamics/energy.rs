@@ -9,6 +9,7 @@ use super::closed_form::{ClosedForm, Loads};
 use super::dense::{EndStop, angular, linear, stack};
 use crate::error::DynamicsError;
 use crate::system::State;
+use crate::terms::PerTerm;
 
 /// Energies, J.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,10 +44,8 @@ pub struct Power {
     pub flow: f64,
     /// Thrusters.
     pub thrust: f64,
-    /// Fins.
-    pub fins: f64,
-    /// Tether, its weight included.
-    pub tether: f64,
+    /// Terms of the vehicle; the tether's weight included.
+    pub terms: PerTerm<f64>,
     /// External wrenches.
     pub external: f64,
     /// Actuators of the joints.
@@ -56,7 +55,7 @@ pub struct Power {
 impl Power {
     /// Sum, W: the rate of [`Energy::total`] in still water.
     pub fn total(&self) -> f64 {
-        let water = self.damping + self.fins + self.tether + self.flow;
+        let water = self.damping + self.terms.into_array().iter().sum::<f64>() + self.flow;
         water + self.friction + self.end_stop + self.thrust + self.external + self.joint_command
     }
 }
@@ -93,8 +92,7 @@ impl ClosedForm<'_> {
             end_stop: self.qd.dot(&damping),
             flow: of_wrenches(&wrenches.flow),
             thrust: twists[0].dot(&wrenches.thrust),
-            fins: twists[0].dot(&wrenches.fins),
-            tether: twists[0].dot(&wrenches.tether),
+            terms: wrenches.terms.map(|wrench| twists[0].dot(&wrench)),
             external: of_wrenches(&wrenches.external),
             joint_command: self.qd.dot(&torques.command),
         })

@@ -85,8 +85,13 @@ impl ClosedForm<'_> {
             force.map(|f| 0.0 - f)
         };
         let gravity = self.model.gravity - self.flow.acceleration;
+        let mut damping = form.damping();
+        let of_terms = self.model.vehicle.damping_terms().into_array();
+        for (wrench, is_damping) in form.term_wrenches(&[]).into_array().into_iter().zip(of_terms) {
+            damping[0] += if is_damping { wrench } else { Vector6::zeros() };
+        }
         Ok(FossenForm {
-            damping: generalized(&form.damping(), &|i| friction[i] + stops[i].damping),
+            damping: generalized(&damping, &|i| friction[i] + stops[i].damping),
             restoring: generalized(&form.restoring_in(&gravity), &|i| stops[i].elastic),
             coriolis: form.bias().clone(),
             mass_matrix: form.mass_matrix().clone(),

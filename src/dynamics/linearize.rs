@@ -3,10 +3,10 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::aba::{ArmLoads, Instant, Scratch, accelerations};
-use crate::hydro::{FINS, FinAxes};
 use crate::lane::{Shared, Unfused};
 use crate::lie::{self, Matrix3, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
+use crate::terms::{FINS, FinAxes, TermInstant};
 
 /// Dual numbers outside kernels, where fused multiply-add is a slow call.
 type Dual = crate::lane::Dual<Unfused<f64>>;
@@ -104,7 +104,7 @@ fn accelerations_along(
     let zero = dual(0.0, 0.0);
     let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| dual(g, 0.0))));
     let mut surfaces = FinAxes::blank();
-    surfaces.deflect(&system.fins, &fins.map(|x| dual(x, 0.0)));
+    surfaces.deflect(&system.terms.fins, &fins.map(|x| dual(x, 0.0)));
     let instant = Instant {
         is_start: true,
         gravity: gravity - pull,
@@ -112,7 +112,7 @@ fn accelerations_along(
         q: &q,
         qd: &qd,
         wrench: six(&|k| number(wrench[k], Direction::Wrench(k)))
-            + system.fin_and_tether_wrench(&surfaces, twist, gravity),
+            + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces }),
         held_rate: lie::Vector3::zero() - pull,
         time: zero,
     };

@@ -5,9 +5,10 @@ use nalgebra::{Vector3, Vector6};
 use super::dense::{Pose, ad, angular, linear, stack};
 use super::serial_chain::{ChainBody, SerialChain, VELOCITIES, Velocities, twist_to_child, wrench_to_parent};
 use crate::system::JOINTS;
+use crate::terms::DenseInstant;
 
 impl SerialChain {
-    /// `C [V; q']` less damping, weight, buoyancy, fins and tether, from the child poses of the joints: the generalized force
+    /// `C [V; q']` less damping, weight, buoyancy and the vehicle's terms, from the child poses of the joints: the generalized force
     /// of the motion with `[V'; q''] = 0`.
     pub(super) fn bias(&self, poses: &[Pose; JOINTS], up: &Vector3<f64>, velocities: &Velocities) -> Velocities {
         let n = self.joints();
@@ -15,10 +16,8 @@ impl SerialChain {
         let mut twist: Vector6<f64> = velocities.fixed_rows::<6>(0).into_owned();
         let (mut acceleration, mut gravity) = (Vector6::zeros(), up * -self.gravity);
         forces[0] = self.bodies[0].force(&twist, &acceleration, &gravity);
-        if !self.deflections.is_empty() {
-            forces[0] -= self.appendages.fin_wrench(&self.deflections, &twist);
-        }
-        forces[0] -= self.appendages.tether_wrench(&twist, &gravity);
+        let at = DenseInstant { density: self.density, gravity, relative: twist, deflections: &self.deflections };
+        forces[0] -= self.vehicle.dense_term_wrenches(&at).into_array().iter().sum::<Vector6<f64>>();
         for (i, joint) in self.joints.iter().enumerate() {
             let own = joint.axis * velocities[6 + i];
             twist = twist_to_child(&poses[i], &twist) + own;

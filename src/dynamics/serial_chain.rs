@@ -9,8 +9,8 @@
 
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
-use super::dense::{Appendages, DenseBody, EndStop, Pose, angular, blocks, cross, friction, joint_axis, linear, stack};
-use crate::description::{Joint, JointKind, Scene};
+use super::dense::{DenseBody, EndStop, Pose, angular, blocks, cross, friction, joint_axis, linear, stack};
+use crate::description::{Joint, JointKind, Scene, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{JOINTS, Joints};
 
@@ -29,7 +29,8 @@ pub struct SerialChain {
     pub(super) joints: Vec<ChainJoint>,
     /// End effector in the last moving body.
     end_effector: Pose,
-    pub(super) appendages: Appendages,
+    pub(super) vehicle: Vehicle,
+    pub(super) density: f64,
     pub(super) deflections: Vec<f64>,
     /// Magnitude, m/s2.
     pub(super) gravity: f64,
@@ -157,10 +158,10 @@ impl SerialChain {
         if joints.len() > JOINTS {
             return Err(DynamicsError::Joints { joints: joints.len(), max: JOINTS });
         }
-        let appendages = Appendages::new(&scene.vehicle, &scene.water);
-        let deflections = appendages.deflections();
+        let (vehicle, density) = (scene.vehicle.clone(), scene.water.density);
+        let deflections = vehicle.deflections();
         let gravity = scene.water.gravity.norm();
-        Ok(Self { bodies, joints, end_effector: at, appendages, deflections, gravity })
+        Ok(Self { bodies, joints, end_effector: at, vehicle, density, deflections, gravity })
     }
 
     /// Number of joints n.

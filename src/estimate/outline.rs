@@ -6,8 +6,9 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 
 use super::solid::{Ends, Solid};
-use crate::description::{Frame, numbers, parse_toml, read_file, read_value};
+use crate::description::{Frame, parse_toml, read_file, read_value};
 use crate::error::{DescriptionError, Problem};
+use crate::keys::numbers;
 
 /// Shapes of a body, and the water.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

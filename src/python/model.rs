@@ -14,6 +14,7 @@ use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::Pose;
 use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
 use uvms_gym::error::DynamicsError;
+use uvms_gym::terms::TERMS;
 
 /// Arrays by name.
 pub(super) type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
@@ -69,6 +70,17 @@ impl Simulator {
     pub(super) fn loads(&self, py: Python<'_>, given: &StepInputs) -> PyResult<Vec<AppliedLoads>> {
         interruptible(py, || self.inner.applied_loads(&given.inputs()))?.or_raise()
     }
+}
+
+/// Three arrays in one.
+fn joined<T, const A: usize, const B: usize, const C: usize, const K: usize>(
+    first: [T; A],
+    second: [T; B],
+    third: [T; C],
+) -> [T; K] {
+    const { assert!(A + B + C == K) };
+    let mut entries = first.into_iter().chain(second).chain(third);
+    std::array::from_fn(|_| entries.next().expect("as many entries as the sum of the lengths"))
 }
 
 /// Arrays by name.
@@ -153,17 +165,23 @@ impl Simulator {
     fn body_wrenches<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
         let bodies = self.inner.joints() + 1;
-        let names = ["damping", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
+        const COUNT: usize = 6 + TERMS.len();
+        let terms = TERMS.map(|(name, _)| name);
+        let names: [_; COUNT] = joined(["damping", "restoring", "flow", "thrust"], terms, ["external", "sum"]);
         self.named(py, names, &[bodies, 6], |i, form| {
-            let wrenches = form.body_wrenches(&loads[i].loads())?;
+            let BodyWrenches { damping, restoring, flow, thrust, terms, external, sum } =
+                form.body_wrenches(&loads[i].loads())?;
             let on_vehicle = |wrench: Vector6<f64>| {
                 let mut all = vec![Vector6::zeros(); bodies];
                 all[0] = wrench;
                 all
             };
-            let [thrust, fins, tether] = [wrenches.thrust, wrenches.fins, wrenches.tether].map(on_vehicle);
-            let BodyWrenches { damping, restoring, flow, external, sum, .. } = &wrenches;
-            Ok([damping, restoring, flow, &thrust, &fins, &tether, external, sum].map(|w| stacked(w)))
+            let wrenches: [_; COUNT] = joined(
+                [damping, restoring, flow, on_vehicle(thrust)],
+                terms.map(on_vehicle).into_array(),
+                [external, sum],
+            );
+            Ok(wrenches.map(|wrench| stacked(&wrench)))
         })
     }
 
@@ -213,24 +231,15 @@ impl Simulator {
     #[pyo3(signature = (**inputs))]
     fn power<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
-        let names = [
-            "damping",
-            "friction",
-            "end_stop",
-            "flow",
-            "thrust",
-            "fins",
-            "tether",
-            "external",
-            "joint_command",
-            "total",
-        ];
+        const COUNT: usize = 8 + TERMS.len();
+        let (before, after) =
+            (["damping", "friction", "end_stop", "flow", "thrust"], ["external", "joint_command", "total"]);
+        let names: [_; COUNT] = joined(before, TERMS.map(|(name, _)| name), after);
         self.named(py, names, &[], |i, form| {
             let p = form.power(&loads[i].loads())?;
-            let water = [p.damping, p.friction, p.end_stop, p.flow, p.thrust, p.fins, p.tether].map(|x| vec![x]);
-            let [damping, friction, end_stop, flow, thrust, fins, tether] = water;
-            let [external, command, total] = [p.external, p.joint_command, p.total()].map(|x| vec![x]);
-            Ok([damping, friction, end_stop, flow, thrust, fins, tether, external, command, total])
+            let before = [p.damping, p.friction, p.end_stop, p.flow, p.thrust];
+            let powers: [_; COUNT] = joined(before, p.terms.into_array(), [p.external, p.joint_command, p.total()]);
+            Ok(powers.map(|power| vec![power]))
         })
     }
 

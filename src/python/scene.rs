@@ -24,6 +24,17 @@ pub fn scene_names() -> Vec<&'static str> {
     Scene::shipped_names()
 }
 
+/// Terms of a vehicle beyond its body and thrusters.
+///
+/// Returns
+/// -------
+/// list of (str, str)
+///     Key in the vehicle's table, and a note for reports.
+#[pyfunction]
+pub fn vehicle_terms() -> Vec<(&'static str, &'static str)> {
+    uvms_gym::terms::TERMS.to_vec()
+}
+
 /// Read and check a scene.
 ///
 /// Parameters

@@ -2,7 +2,6 @@
 
 use super::bodies::{Part, merged};
 use super::factors::UnscaledBodyTerms;
-use super::fins_and_tether::{fins, tether};
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, pose, tidy, vector};
 use super::model::{Actuator, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
@@ -114,8 +113,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         joints,
         vehicle_servo: vehicle_servo(&scene.vehicle),
         thrusters: thrusters(&scene.vehicle),
-        fins: fins(scene),
-        tether: tether(scene),
+        terms: scene.vehicle.terms(water),
     };
     let payload_attachment = tidy(&links.last().unwrap_or(&parent).times(&tip)).position.0;
     Compiled { system: system.map(Shared), links, payload_attachment, unscaled }

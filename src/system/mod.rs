@@ -6,7 +6,6 @@ mod compile;
 mod damping;
 mod end_effector;
 mod factors;
-mod fins_and_tether;
 mod instance_system;
 mod joint_frames;
 mod model;
@@ -15,10 +14,11 @@ mod state;
 mod structure;
 
 pub use crate::hydro::{THRUSTERS, Thrusts};
+pub use crate::terms::{FACTORS, Factors};
 pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
-pub use factors::{FACTORS, Factors, UnscaledBodyTerms};
+pub use factors::UnscaledBodyTerms;
 pub use instance_system::InstanceSystem;
 pub use model::{
     Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo,

@@ -1,9 +1,10 @@
 //! Constants of a compiled scene, in the joint frames of the kernel.
 
 use super::JOINTS;
-use crate::hydro::{CentralFrameTerms, Damping, Fin, FrameRotation, Restoring, Tether, Thruster};
+use crate::hydro::{CentralFrameTerms, Damping, FrameRotation, Restoring, Thruster};
 use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, numbers, sin_cos};
 use crate::spatial::{LinkTwist, PointMass, SpatialInertia};
+use crate::terms::VehicleTerms;
 
 numbers! {
     /// A scene compiled for computation, shared by all instances. Terms absent from the scene are absent here.
@@ -32,10 +33,8 @@ numbers! {
         pub vehicle_servo: Option<VehicleServo<P>>,
         /// All thrusters if any has dynamics, else none: ideal thrust enters through the wrench on the vehicle.
         pub thrusters: Vec<Thruster<P>>,
-        /// Fins.
-        pub fins: Vec<Fin<P>>,
-        /// Tether.
-        pub tether: Option<Tether<P>>,
+        /// Further forces on the vehicle.
+        pub terms: VehicleTerms<P>,
     }
 }
 

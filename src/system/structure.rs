@@ -46,8 +46,6 @@ pub fn structural_difference(one: &Compiled, other: &Compiled, joints: &[String]
     let whole_scene = [
         ("vehicle.servo", a.vehicle_servo != b.vehicle_servo, entries),
         ("vehicle.thrusters", a.thrusters != b.thrusters, entries),
-        ("vehicle.fins", a.fins != b.fins, entries),
-        ("vehicle.tether", a.tether != b.tether, entries),
         ("inertia, added_mass", a.sparse != b.sparse, "which products are 0"),
         ("arm.end_effector", on_axes(one) != on_axes(other), "which coordinates in the last joint's frame are 0"),
     ];
@@ -60,7 +58,8 @@ pub fn structural_difference(one: &Compiled, other: &Compiled, joints: &[String]
             let pairs = joints.iter().zip(a.joints.iter().zip(&b.joints));
             pairs.into_iter().find_map(|(key, (a, b))| first(key, &joint_differences(a, b)))
         })
-        .or_else(|| first("", &whole_scene));
+        .or_else(|| first("", &whole_scene))
+        .or_else(|| first("", &a.terms.differences(&b.terms).map(|(key, differs)| (key, differs, entries))));
     debug_assert!(difference.is_some() || a == b, "a difference without a name");
     difference.or_else(|| (a != b).then(|| "a term".to_owned()))
 }

@@ -184,7 +184,7 @@ fn val_remus_has_prestero_s_lift() {
         simulator.set_state(0, &State { twist, ..State::default() });
         let loads = simulator.applied_loads(&Inputs { fin: Some(&fins), ..Inputs::default() }).unwrap();
         simulator.closed_form(0, |form| {
-            let fins = form.body_wrenches(&loads[0].loads()).unwrap().fins;
+            let fins = form.body_wrenches(&loads[0].loads()).unwrap().terms.fins;
             fins - Vector6::from_column_slice(form.bias().as_slice())
         })
     };

@@ -128,7 +128,7 @@ impl ModalAnalysis {
             let (own, water) = if fixed { (Vector6::zeros(), -twist) } else { (twist, Vector6::zeros()) };
             let state = State { q: *q, qd, twist: own, ..State::default() };
             let water: Vector3<f64> = water.fixed_rows::<3>(0).into();
-            linearize(system, &state, &water.into(), &[0.0; 6], &system.deflections(), &ArmLoads::none())
+            linearize(system, &state, &water.into(), &[0.0; 6], &system.terms.deflections(), &ArmLoads::none())
         };
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;

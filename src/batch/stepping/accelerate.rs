@@ -6,11 +6,12 @@ use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
-use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
+use crate::hydro::{ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
 use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
+use crate::terms::{FinAxes, TermInstant};
 
 /// Kernel of the accelerations of blocks of instances.
 pub struct Accelerate<'a, T> {
@@ -77,10 +78,10 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     let acting = propulsion.acting(&system.thrusters, twist);
                     wrench = wrench + thrust_wrench(&system.thrusters, &acting);
                 }
-                if system.has_fins_or_tether() {
-                    columns.surfaces(layout, &system.fins, &mut surfaces);
+                if system.terms.any() {
+                    columns.surfaces(layout, &system.terms.fins, &mut surfaces);
                     let gravity = rotation.apply_transposed(system_gravity);
-                    wrench = wrench + system.fin_and_tether_wrench(&surfaces, twist, gravity);
+                    wrench = wrench + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces });
                 }
                 if let (true, Some(gains)) = (self.active.station, &system.vehicle_servo) {
                     let station = columns.station(layout);

@@ -101,7 +101,7 @@ impl<T: Real> Blocks<T> {
         follow: Option<Follow>,
     ) -> Result<Self, SimulatorError> {
         let scene = Parameters::new(compiled, integrator);
-        let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len()];
+        let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.terms.fins.len()];
         let layout = Layout::new::<T>(counts, integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
@@ -125,7 +125,7 @@ impl<T: Real> Blocks<T> {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
-            blocks.table.set_fins(&mut blocks.rows, i, &compiled.system.deflections());
+            blocks.table.set_fins(&mut blocks.rows, i, &compiled.system.terms.deflections());
         }
         if let Some(follow) = follow {
             let scene = CompanionScene::new::<T>(follow, compiled, integrator, isa, &blocks.table.layout);
@@ -262,7 +262,7 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn set_own(&mut self, i: usize, compiled: &Compiled) {
-        self.table.set_fins(&mut self.rows, i, &compiled.system.deflections());
+        self.table.set_fins(&mut self.rows, i, &compiled.system.terms.deflections());
         if let Some(own) = &mut self.own {
             own.set(i, compiled);
         }

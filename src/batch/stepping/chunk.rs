@@ -55,7 +55,7 @@ impl<T: Real> PhysicsChunk<'_, T> {
 
     /// Sets the numbers that instance `k` of the chunk has of its own, from a scene of the same structure.
     pub fn set_own(&mut self, k: usize, compiled: &Compiled) {
-        self.table.set_fins(self.rows, k, &compiled.system.deflections());
+        self.table.set_fins(self.rows, k, &compiled.system.terms.deflections());
         if let Some((layout, rows)) = &mut self.own {
             layout.set(rows, k, compiled);
         }

@@ -170,7 +170,7 @@ impl ChunkCompanions {
             scene.table.set_state(&mut rows, column, state);
             scene.table.set_flow(&mut rows, column, flow);
             scene.table.set_factors(&mut rows, column, &Factors::ONE);
-            scene.table.set_fins(&mut rows, column, &compiled.system.deflections());
+            scene.table.set_fins(&mut rows, column, &compiled.system.terms.deflections());
             if let Some(layout) = own {
                 layout.set(&mut own_rows, column, compiled);
             }

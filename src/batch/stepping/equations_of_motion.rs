@@ -8,11 +8,12 @@ use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::dynamics::lost_bounce;
-use crate::hydro::{FinAxes, ThrustCourse, ThrustCourses};
+use crate::hydro::{ThrustCourse, ThrustCourses};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
+use crate::terms::{FinAxes, TermInstant};
 
 /// Pose control by the vehicle's servo within the stages (station keeping).
 #[derive(Clone, Copy)]
@@ -118,9 +119,9 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
-        if system.has_fins_or_tether() {
+        if system.terms.any() {
             let gravity = gravity + at.to_body(self.acceleration);
-            wrench = wrench + system.fin_and_tether_wrench(self.surfaces, twist, gravity);
+            wrench = wrench + system.terms.wrench(&TermInstant { twist, gravity, fins: self.surfaces });
         }
         let (is_start, time) = (at.is_start(), self.time + elapsed);
         Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time }

@@ -5,11 +5,12 @@ use crate::dynamics::aba::{ArmLoads, Instant};
 use crate::dynamics::aba_adjoint::{
     Accelerations, AdjointScratch, ImplicitStep, InstantCotangents, accelerations_adjoint,
 };
-use crate::hydro::{CourseCotangents, FinAxes, ThrustCotangents};
+use crate::hydro::{CourseCotangents, ThrustCotangents};
 use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StageState};
 use crate::lane::{Lane, Routine, unroll};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
 use crate::system::{Factors, JOINTS, UnscaledBodyTerms, VehicleServo};
+use crate::terms::{FinAxes, TermCotangents, TermInstant};
 
 /// Cotangents of a pose: of its position, world axes, and of delta in `R exp([delta])`.
 #[derive(Debug, Clone, Copy)]
@@ -165,7 +166,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             L::call(&mut StageAdjoint::<_, false> { adjoint: self, at: instant, step, rates, of_rates });
         }
 
-        let Self { equations, of, of_instant, .. } = self;
+        let Self { equations, parts, of, of_instant, .. } = self;
         let of_wrench = of_instant.wrench;
         of.wrench = of.wrench + of_wrench;
         let mut turn = of_instant.gravity.cross(gravity);
@@ -195,14 +196,17 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             turn = turn + place.turn;
             of_stage.pose.position = Some(place.position);
         }
-        if !system.fins.is_empty() {
-            let of_twist = equations.surfaces.wrench_adjoint(&system.fins, twist, of_wrench, &mut of.surfaces);
-            of_stage.twist = of_stage.twist + of_twist;
-        }
-        if let Some(tether) = &system.tether {
-            let (of_twist, of_gravity) = tether.wrench_adjoint(twist, of_wrench);
-            of_stage.twist = of_stage.twist + of_twist;
-            turn = turn + of_gravity.cross(gravity + to_body(equations.acceleration));
+        if system.terms.any() {
+            let gravity = gravity + to_body(equations.acceleration);
+            let at = TermInstant { twist, gravity, fins: equations.surfaces };
+            let (twist, none) = (Vector6::zero(), Vector3::zero());
+            let mut sums = TermCotangents { twist, gravity: none, fins: &mut of.surfaces };
+            system.terms.add_cotangents(&at, of_wrench, &mut sums);
+            of_stage.twist = of_stage.twist + sums.twist;
+            turn = turn + sums.gravity.cross(gravity);
+            if !parts.is_empty() {
+                system.terms.add_factor_cotangents(&at, of_wrench, &mut of.factors);
+            }
         }
         of_stage.pose.turn = turn;
         for k in 0..system.chain().len() {

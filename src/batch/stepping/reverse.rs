@@ -8,7 +8,7 @@ use super::step::Step;
 use crate::batch::storage::columns::Columns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
-use crate::hydro::{FinAxes, THRUSTERS, ThrustCotangents, ThrustCourses, ThrusterCotangents, ThrusterDynamics};
+use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustCourses, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{
     Explicit, ExplicitAdjoint, Implicit, ImplicitAdjoint, Integrator, Motion, MotionCotangents, StepRecord,
 };
@@ -16,6 +16,7 @@ use crate::lane::{Lane, Real, Routine, Tape};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::limits::interrupt;
 use crate::system::{InstanceSystem, JOINTS, System};
+use crate::terms::FinAxes;
 
 /// Reversed steps between two questions for an interrupt.
 const PORTION: usize = 1 << 10;
@@ -181,8 +182,8 @@ impl<T: Real> Step<'_, T> {
         if !thrusters.is_empty() {
             columns.propulsion(layout, thrusters, self.h, propulsion);
         }
-        if !system.fins.is_empty() {
-            columns.surfaces(layout, &system.fins, surfaces);
+        if !system.terms.fins.is_empty() {
+            columns.surfaces(layout, &system.terms.fins, surfaces);
         }
         // Cotangents of the state after the steps; all others begin at zero.
         *of = InputCotangents::zero();
@@ -299,7 +300,7 @@ impl<T: Real> Step<'_, T> {
             }
             of.factors.thruster_lag = sums.lag;
         }
-        if !system.fins.is_empty() {
+        if !system.terms.fins.is_empty() {
             let of_fins = surfaces.deflect_adjoint(&of.surfaces, layout.fins);
             of_columns.set_all(layout.fin, &of_fins, layout.fins);
         }

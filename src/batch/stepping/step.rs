@@ -13,7 +13,7 @@ use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Scratch};
-use crate::hydro::{FinAxes, ThrustCourses, ThrusterDynamics};
+use crate::hydro::{ThrustCourses, ThrusterDynamics};
 use crate::integrate::{
     Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
     interval,
@@ -21,6 +21,7 @@ use crate::integrate::{
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
+use crate::terms::FinAxes;
 
 /// Twist relative to the water `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`
 #[inline(always)]
@@ -308,8 +309,8 @@ impl<'a, T: Real> Step<'a, T> {
         if !thrusters.is_empty() {
             columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
         }
-        if !system.fins.is_empty() {
-            columns.surfaces(self.layout, &system.fins, &mut memory.surfaces);
+        if !system.terms.fins.is_empty() {
+            columns.surfaces(self.layout, &system.terms.fins, &mut memory.surfaces);
         }
         let mut equations = EquationsOfMotion {
             system,

@@ -3,11 +3,12 @@
 use super::inputs::ActiveLoads;
 use super::layout::Layout;
 use crate::dynamics::aba::ArmLoads;
-use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
+use crate::hydro::{THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, StepEstimates};
 use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{FACTORS, Factors, JOINTS};
+use crate::terms::{FINS, FinAxes, FinTerm};
 
 /// A column group of a block: `LANES` adjacent columns, one instance each.
 pub struct Columns<'a, T> {
@@ -180,7 +181,7 @@ impl<T: Real> Columns<'_, T> {
     pub fn surfaces<L: Lane<Real = T>, P: Param<L>>(
         &self,
         layout: &Layout,
-        fins: &[Fin<P>],
+        fins: &[FinTerm<P>],
         surfaces: &mut FinAxes<L>,
     ) {
         let mut deflections = [L::zero(); FINS];

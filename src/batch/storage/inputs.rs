@@ -7,8 +7,8 @@ use crate::batch::options::SimulatorOptions;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::{Fin, Scene};
 use crate::error::SimulatorError;
-use crate::hydro::FINS;
 use crate::system::JOINTS;
+use crate::terms::FINS;
 
 /// Maximum entry of `R^T R - I` of an accepted rotation.
 const ORTHONORMAL: f64 = 1e-6;

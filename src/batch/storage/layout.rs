@@ -1,9 +1,10 @@
 //! Layout of a block of instances: one row per number of the state and the loads, one column per instance.
 
-use crate::hydro::{FINS, THRUSTERS};
+use crate::hydro::THRUSTERS;
 use crate::integrate::{Attitude, Integrator};
 use crate::lane::Real;
 use crate::system::{FACTORS, JOINTS};
+use crate::terms::FINS;
 
 /// First row of each quantity. All numbers of an instance lie in one column of its block.
 #[derive(Debug, Clone, PartialEq, Eq)]

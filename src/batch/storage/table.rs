@@ -7,11 +7,12 @@ use nalgebra as na;
 use super::inputs::InstanceLoads;
 use super::layout::Layout;
 use crate::batch::monitoring::step_quality::StepQuality;
-use crate::hydro::{FINS, Thrusts};
+use crate::hydro::Thrusts;
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
 use crate::system::{FACTORS, Factors, Flow, State, quaternion, roll_pitch_yaw};
+use crate::terms::FINS;
 
 /// Reads and writes single instances: column `i` of rows in this layout.
 #[derive(Debug, Clone)]

@@ -1,11 +1,9 @@
 //! Bodies, joints and poses as dense f64 matrices: the ingredients of the closed form, independent of the lane kernels.
 
-mod appendages;
 mod joint;
 mod rigid_body;
 mod se3;
 
-pub use appendages::Appendages;
 pub use joint::{EndStop, actuator_torque, friction, joint_axis, joint_pose};
 pub use rigid_body::{DenseBody, relative_twist};
 pub use se3::{Pose, ad, angular, blocks, cross, force_at, linear, stack};

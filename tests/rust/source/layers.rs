@@ -8,28 +8,30 @@ use std::path::Path;
 use super::{files, source};
 
 /// Layers, lowest first, and what each may import. Every layer may import `error`.
-const LAYERS: [(&str, &str); 19] = [
+const LAYERS: [(&str, &str); 21] = [
     ("lane", ""),
     ("error", "lane"),
     ("limits", ""),
     ("lie", "lane"),
     ("spatial", "lane lie"),
     ("hydro", "lane lie spatial"),
-    ("description", ""),
-    ("estimate", "description"),
+    ("keys", ""),
+    ("terms", "lane lie keys"),
+    ("description", "keys terms"),
+    ("estimate", "keys description"),
     ("urdf", "description estimate"),
-    ("system", "lane lie spatial hydro description"),
-    ("dynamics", "lane lie spatial hydro description system"),
+    ("system", "lane lie spatial hydro terms description"),
+    ("dynamics", "lane lie spatial hydro terms description system"),
     ("integrate", "lane lie"),
     ("render", "lane lie description system"),
     ("optimize", "limits"),
     ("control", "lane limits lie spatial description system dynamics optimize"),
     ("task", "lane limits lie spatial hydro description system dynamics control"),
-    ("batch", "lane limits lie spatial hydro description system dynamics integrate control task"),
+    ("batch", "lane limits lie spatial hydro terms description system dynamics integrate control task"),
     ("planning", "lane limits lie system batch optimize"),
     (
         "python",
-        "optimize planning lane limits lie spatial hydro description system dynamics integrate control task batch estimate \
+        "optimize planning lane limits lie spatial hydro terms description system dynamics integrate control task batch estimate \
          urdf render",
     ),
 ];

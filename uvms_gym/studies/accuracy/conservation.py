@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator
+from uvms_gym._core import vehicle_terms
 from uvms_gym.studies.accuracy.driven_motion import PERIOD
 from uvms_gym.studies.accuracy.work_precision import Setting
 from uvms_gym.studies.numerics import Floats, bodies, joints, median_and_worst
@@ -20,13 +21,13 @@ QUANTITIES = ("energy", "linear", "angular")
 
 
 def conservative(scene: dict[str, Any]) -> dict[str, Any]:
-    """Copy of a scene with all its inertia and added mass, but no gravity, damping, fins, tether, friction, servos."""
+    """Copy of a scene with all its inertia and added mass, but no gravity, damping, terms of the vehicle, friction, servos."""
     stripped = copy.deepcopy(scene)
     stripped["provenance"] = {}
     stripped["water"]["gravity"] = [0.0, 0.0, 0.0]
     stripped["water"].pop("current", None)
-    for appendage in ("fins", "tether"):
-        stripped["vehicle"].pop(appendage, None)
+    for term, _ in vehicle_terms():
+        stripped["vehicle"].pop(term, None)
     for body in bodies(stripped):
         # Buoyancy given as a force would remain without gravity.
         for key in ("damping", "buoyancy"):

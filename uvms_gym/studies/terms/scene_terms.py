@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym._core import vehicle_terms
 from uvms_gym.studies.numerics import joints
 
 Table = dict[str, Any]
@@ -57,8 +58,8 @@ def terms_of(scene: Table) -> list[Term]:
             term = Term(name, False, note="the vehicle is held in the world") if held else None
             terms.append(term or _of_kind(scene, name, kind, pick))
     terms += [_current(scene), *(_of_kind(scene, kind.name, kind, joints) for kind in _JOINT_KINDS)]
-    terms += [_arm_base(scene), _payload(scene), _vehicle_part(scene, "fins", "at the scene's deflections")]
-    terms += [_vehicle_part(scene, "tether", "its weight and its damping"), _thrusters(scene)]
+    terms += [_arm_base(scene), _payload(scene)]
+    terms += [*(_vehicle_part(scene, key, note) for key, note in vehicle_terms()), _thrusters(scene)]
     removals = [term.remove for term in terms if term.remove is not None]
     if len(removals) > 1:
         terms.append(Term(ALL, True, lambda scene: [remove(scene) for remove in removals], "rigid bodies remain"))

@@ -19,7 +19,7 @@ fn all_scenes() -> impl Iterator<Item = (u64, Scene)> {
 fn tau(form: &ClosedForm, loads: &Loads) -> DVector<f64> {
     let wrenches = form.body_wrenches(loads).unwrap();
     let mut applied = wrenches.external.clone();
-    applied[0] += wrenches.thrust + wrenches.fins + wrenches.tether;
+    applied[0] += wrenches.thrust + wrenches.terms.fins + wrenches.terms.tether;
     let stacked = DVector::from_iterator(6 * applied.len(), applied.iter().flatten().copied());
     form.wrench_influence() * stacked + form.torque_influence() * form.joint_torques(loads).unwrap().command
 }
