@@ -28,7 +28,7 @@
 //! spatial       twists, wrenches, inertia
 //! hydro         damping, restoring, thrusters
 //! keys          keys of scene files: short forms, checks, axes
-//! terms         further forces on the vehicle, one file each: fins, tether
+//! terms         further forces on the vehicle, one file each: fins, tether, damping by forward speed
 //! description   scenes as plain data: TOML, checks, warnings
 //! estimate      coefficients of a body from its shape
 //! urdf          arms from URDF files

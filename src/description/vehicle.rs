@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Fin, Shape, Tether, ThrustMap};
+use super::{Body, Fin, ForwardDamping, Shape, Tether, ThrustMap};
 use crate::keys::numbers;
 
 /// Base body with its thrusters, fins and tether.
@@ -27,6 +27,8 @@ pub struct Vehicle {
     pub fins: Vec<Fin>,
     /// Cable on the vehicle, if any.
     pub tether: Option<Tether>,
+    /// Damping by forward speed.
+    pub forward_damping: Option<ForwardDamping>,
     /// Gains of the vehicle's station-keeping PD.
     pub servo: Option<VehicleServo>,
     /// Shape in pictures.

@@ -160,7 +160,7 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
     ///     damping, restoring (weight and buoyancy), flow (acceleration of the water: Froude-Krylov and added mass), thrust
-    ///     (thrust at this instant), fins, tether, external, and sum, the total F.
+    ///     (thrust at this instant), fins, tether, forward_damping, external, and sum, the total F.
     #[pyo3(signature = (**inputs))]
     fn body_wrenches<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
@@ -227,7 +227,7 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N,)
     ///     damping (of the bodies), friction, end_stop (damping), flow (acceleration of the water), thrust, fins, tether (its
-    ///     weight included), external, joint_command, total.
+    ///     weight included), forward_damping, external, joint_command, total.
     #[pyo3(signature = (**inputs))]
     fn power<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;

@@ -41,7 +41,7 @@ impl Simulator {
     /// added_mass : array_like () or (N,)
     ///     Factor on added mass.
     /// linear_damping, quadratic_damping : array_like () or (N,)
-    ///     Factors on damping coefficients.
+    ///     Factors on damping coefficients; that on linear damping also scales damping by forward speed.
     /// volume : array_like () or (N,)
     ///     Factor on displaced volume, and with it buoyancy.
     /// payload : array_like () or (N,)

@@ -10,7 +10,7 @@ pub struct Factors<L> {
     pub mass: L,
     /// Added mass.
     pub added_mass: L,
-    /// Linear damping.
+    /// Linear damping, and damping by forward speed.
     pub linear_damping: L,
     /// Quadratic damping.
     pub quadratic_damping: L,

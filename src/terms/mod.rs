@@ -6,6 +6,7 @@
 
 mod factors;
 mod fin;
+mod forward_damping;
 mod tether;
 
 use nalgebra as na;
@@ -15,11 +16,13 @@ use crate::lane::{Dual, Lane, Param, numbers};
 use crate::lie::{Vector3, Vector6};
 pub use factors::{FACTORS, Factors};
 pub use fin::{FINS, FinAxes, FinTerm};
+pub use forward_damping::ForwardDampingTerm;
 pub use tether::TetherTerm;
 
 /// Tables of the terms in a scene.
 pub mod tables {
     pub use super::fin::Fin;
+    pub use super::forward_damping::ForwardDamping;
     pub use super::tether::Tether;
 }
 
@@ -32,6 +35,8 @@ macro_rules! vehicle_terms {
             fins: FinTerm, "at the scene's deflections";
             /// Tether.
             tether: TetherTerm, "its weight and its damping";
+            /// Damping by forward speed.
+            forward_damping: ForwardDampingTerm, "damping proportional to the forward speed";
         }
     };
 }

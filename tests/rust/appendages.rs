@@ -239,12 +239,13 @@ fn fins_keep_the_order_of_the_integrator() {
     }
 }
 
-/// Everything at once: arm, fins that stall, tether, current.
+/// Everything at once: arm, fins that stall, tether, damping by forward speed, current.
 fn loaded() -> Scene {
     let mut scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
     scene.vehicle.fins = fin(complete).vehicle.fins;
     scene.vehicle.fins.extend(remus().vehicle.fins.into_iter().take(3));
     scene.vehicle.tether = Some(cable());
+    scene.vehicle.forward_damping = Some(crate::forward_damping::eca_a9());
     scene.vehicle.thruster_lag = Some(0.1);
     scene.check().unwrap();
     scene

@@ -51,6 +51,7 @@ pub fn dry(body: &Body) -> Body {
 pub fn lossless(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     scene.water.gravity = Vector3::zeros();
+    scene.vehicle.forward_damping = None;
     for_bodies(&mut scene, |body| {
         body.buoyancy = None;
         body.damping = Damping::default();

@@ -10,6 +10,7 @@ mod double_double;
 mod dynamics;
 mod estimate;
 mod examples;
+mod forward_damping;
 mod golden;
 mod hydro;
 mod lane;

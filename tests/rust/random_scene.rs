@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use uvms_gym::description::{
-    Arm, Body, Damping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS,
-    Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
+    Arm, Body, Damping, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits, JointServo, Link,
+    MAX_LINKS, Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
 };
 use uvms_gym::system::State;
 
@@ -130,6 +130,14 @@ impl Random {
         body
     }
 
+    fn forward_damping(&mut self) -> ForwardDamping {
+        let lift = self.matrix6();
+        ForwardDamping {
+            position: self.vector(0.3),
+            matrix: self.definite(15.0, 0.6) + (lift - lift.transpose()) * 2.0,
+        }
+    }
+
     fn joint(&mut self, reach: f64, forces: bool) -> Joint {
         let home = self.between(-0.5, 0.5);
         let mut joint = Joint {
@@ -192,6 +200,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         thruster_lag: None,
         fins: Vec::new(),
         tether: None,
+        forward_damping: (!dry && !seed.is_multiple_of(2)).then(|| Random::new(seed ^ 0xF0).forward_damping()),
         servo: Some(VehicleServo { kp: [40.0, 40.0, 40.0, 5.0, 5.0, 5.0], kd: [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }),
         body: random.body(30.0, 0.6, dry),
         shape: None,

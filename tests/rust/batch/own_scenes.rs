@@ -51,6 +51,10 @@ fn vary(scene: &Scene, seed: u64, gentle: bool) -> Scene {
         let numbers = [&mut tether.length, &mut tether.diameter, &mut tether.mass_per_length, &mut tether.drag];
         numbers.into_iter().for_each(|number| *number *= factor(random));
     }
+    if let Some(damping) = &mut vehicle.forward_damping {
+        vary_vector(&mut damping.position, random, false);
+        damping.matrix *= factor(random);
+    }
     if let Some(servo) = &mut vehicle.servo {
         vary_all(&mut servo.kp, random);
         vary_all(&mut servo.kd, random);
@@ -152,7 +156,7 @@ fn vary_joint(joint: &mut Joint, random: &mut Random, gentle: bool) {
     joint.home += random.between(-0.01, 0.01);
 }
 
-/// A scene with every term that random ones lack: thruster dynamics, fins, tether, geared joints, a linear actuator.
+/// A scene with every term that random ones lack: thruster dynamics, fins, tether, damping by forward speed, geared joints, a linear actuator.
 fn complete(mut scene: Scene) -> Scene {
     for (i, thruster) in scene.vehicle.thrusters.iter_mut().enumerate() {
         thruster.lag = (i % 2 == 0).then_some(0.1);
@@ -177,6 +181,7 @@ fn complete(mut scene: Scene) -> Scene {
     }];
     let position = Vector3::new(-0.3, 0.02, 0.2);
     scene.vehicle.tether = Some(Tether { position, length: 30.0, diameter: 0.01, mass_per_length: 0.1, drag: 1.1 });
+    scene.vehicle.forward_damping = Some(crate::forward_damping::eca_a9());
     if let Some(arm) = &mut scene.arm {
         for (i, link) in arm.links.iter_mut().enumerate() {
             // Light links without a rotor would be too fast for the step.

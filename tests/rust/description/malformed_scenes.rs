@@ -295,6 +295,7 @@ fn everything() -> String {
     scene.vehicle.fins = Scene::shipped("remus-100").unwrap().vehicle.fins;
     let position = Vector3::new(-0.2, 0.0, 0.1);
     scene.vehicle.tether = Some(Tether { position, length: 40.0, diameter: 0.008, mass_per_length: 0.06, drag: 1.2 });
+    scene.vehicle.forward_damping = Some(crate::forward_damping::eca_a9());
     let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
     (joint.effort, joint.limits) = (None, None);
     joint.actuator = Some(LinearActuator { base: 0.3, lever: 0.08, angle: 1.2, force: 500.0 });

@@ -27,7 +27,14 @@ fn slips_are_reported_by_key_and_number() {
         change(&mut scene);
         texts(&scene)
     }
-    let cases: [(&str, Vec<String>); 8] = [
+    let forward = |k: (usize, usize), x: f64| {
+        changed(move |s| {
+            let damping = s.vehicle.forward_damping.insert(crate::forward_damping::eca_a9());
+            damping.matrix[k] = x;
+        })
+    };
+    assert!(forward((0, 0), 8.0).is_empty());
+    let cases: [(&str, Vec<String>); 10] = [
         ("vehicle.body.volume: all bodies weigh 40.0000 kg", changed(|s| s.vehicle.body.mass = 40.0)),
         ("vehicle.body.volume: 13.5000 kg in a volume of 0.0137", changed(|s| s.vehicle.body.volume = Some(1.37e-5))),
         (
@@ -49,6 +56,8 @@ fn slips_are_reported_by_key_and_number() {
                 })
             }),
         ),
+        ("vehicle.forward_damping.matrix: adds energy ahead in pure sway: opposite sign?", forward((1, 1), -162.0)),
+        ("vehicle.forward_damping.matrix: adds energy ahead in some motions", forward((5, 1), 1e3)),
         ("vehicle.thrusters: they span 4 of 6 degrees of freedom", changed(|s| s.vehicle.thrusters.truncate(5))),
     ];
     for (start, warnings) in cases {

@@ -86,7 +86,7 @@ fn later(arm: &ArmMotion<f64>, time: f64) -> ArmMotion<f64> {
 fn predictions_start_as_the_closed_form_says() {
     // Without thrusters nothing lags.
     for (seed, mut scene) in scenes().filter(|scene| !scene.vehicle.thrusters.is_empty()).enumerate() {
-        (scene.vehicle.fins, scene.vehicle.tether) = (Vec::new(), None);
+        (scene.vehicle.fins, scene.vehicle.tether, scene.vehicle.forward_damping) = (Vec::new(), None, None);
         scene.vehicle.set_thruster_lag(0.1);
         let (state, motion, arm) = somewhere(seed as u64, &scene);
         let wrenches = wrenches(seed as u64);

@@ -78,7 +78,7 @@ fn val_damping_vanishes_at_rest_and_takes_the_lost_power() {
         assert!(rest.damping.iter().chain(&rest.coriolis).all(|x| *x == 0.0), "{seed}");
         let seen = model.at(&relative_to_water(&state, &current()), Vector3::zeros());
         let power = seen.power(&Loads::default()).unwrap();
-        let lost = power.damping + power.friction + power.end_stop;
+        let lost = power.damping + power.terms.forward_damping + power.friction + power.end_stop;
         let moving = form.fossen_form(None).unwrap();
         let taken = moving.velocity.dot(&moving.damping);
         assert!((taken + lost).abs() <= 1e-12 * lost.abs(), "{} {seed}: {taken} {lost}", scene.name);

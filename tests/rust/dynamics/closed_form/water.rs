@@ -115,6 +115,7 @@ fn body_that_drifts_with_the_current_has_no_water_forces() {
     // dry body does not do.
     let mut wet = aligned_vehicle();
     wet.water.gravity = Vector3::zeros();
+    wet.vehicle.forward_damping = None;
     let body = &mut wet.vehicle.body;
     body.buoyancy = None;
     body.damping.quadratic.fixed_columns_mut::<3>(3).fill(0.0);
