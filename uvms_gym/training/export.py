@@ -29,9 +29,9 @@ _CARD = """\
 | --- | --- | --: | --: | --: | --: | --: | --: | --: |
 {policies}
 
-Over {episodes} held-out episodes with seeds from {seed} on: interquartile mean and 95th percentile of the root mean \
-square pose error (sqrt(position² + (0.5 m · attitude)²)), mean of |T/T_max|^1.5, share of episodes that left all \
-bounds.
+Pose error: interquartile mean, and 95th percentile, over {episodes} held-out episodes (seeds from {seed} on) of an \
+episode's root mean square pose error, sqrt(position² + (0.5 m · attitude)²). Power: mean of |T/T_max|^1.5. Diverged: \
+share of episodes that left all bounds.
 {comparison}
 ## Training
 
@@ -39,20 +39,20 @@ bounds.
 
 ## Intended use
 
-To compare controllers of {task} in simulation, on the scene {scene} at a control period of {control_period:g} s; \
-`uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: outside the states of the training only the clip to \
-[-1, 1] bounds the network's output.
+These policies serve to compare controllers of {task} in simulation, on the scene {scene} at a control period of \
+{control_period:g} s. `uvms_gym.MLP.load` refuses other tasks. Do not use them on real vehicles: outside the states of \
+the training, only the clip to [-1, 1] bounds the network's output.
 
 ## Known failures
 
-- The error of the worst twentieth of episodes is at least {tail:.1f} times the typical one (`{worst}`).
-- Disturbances, parameters or delays beyond those of the training: see the off-design comparison.
+- In the worst 5 % of the episodes the error is at least {tail:.1f} times the typical one (`{worst}`).
+- Disturbances, parameters or sensor delays beyond the training increase the error: see the off-design comparison.
 """
 _COMPARISON = "`results.json` has the comparison with classical controllers on other seeds.\n"
 #: Keys of the notes on the training, by their titles.
 _TRAINING = {
     "Environment": "environment",
-    "Its arguments": "env_kwargs",
+    "Arguments": "env_kwargs",
     "Algorithm": "algorithm",
     "Hyperparameters": "hyperparameters",
     "Commit": "commit",
