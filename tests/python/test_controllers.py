@@ -158,6 +158,8 @@ def test_what_is_no_policy_is_refused(tmp_path: Path) -> None:
         ({"weights": [], "biases": []}, "at least one layer"),
         ({"weights": [np.ones((4, 24))], "biases": [np.ones(3)]}, "layer 0 has weights [4, 24], but 3 biases"),
         ({"weights": [np.ones(24)], "biases": [np.ones(1)]}, "weights[0] has shape (24,)"),
+        ({"biases": [np.ones(16), np.array([*[1.0] * 7, np.nan]), np.ones(6)]}, "layers.1.bias: number 7 is NaN"),
+        *(({"history": history}, f"24 inputs, but must have a multiple of {history}") for history in (0, 5)),
         ({"weights": [np.full((6, 24), np.nan)], "biases": [np.ones(6)]}, "layers.0.weight: number 0 is NaN"),
         (layers((24, 8)), "number of actions is 8, the environment's 6"),
         (layers((23, 6)), "number of observation entries is 23, the environment's 24"),
