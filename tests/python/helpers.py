@@ -7,6 +7,7 @@ import sys
 import types
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import gymnasium
@@ -184,6 +185,16 @@ def observations(n: int, seed: int = 1, width: int = SIZES[0]) -> np.ndarray:
 def policy(**arguments: Any) -> MLP:
     """A network for the small scene."""
     return MLP(scene=SMALL, **(layers() | arguments))
+
+
+def ship(folder: Path) -> Path:
+    """Two policies for the small scene at 0.1 s, where the package would have them under `folder`."""
+    place = folder / "UVMS-StationKeep" / SMALL / "0.1s"
+    place.mkdir(parents=True)
+    for seed in (0, 1):
+        made = MLP(scene=SMALL, substeps=10, notes={"steps": "7"}, **layers((24, 6), seed))
+        made.save(place / f"ppo-{seed}.safetensors")
+    return place
 
 
 def policies() -> list[Any]:

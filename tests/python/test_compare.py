@@ -11,10 +11,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from helpers import SMALL, layers, policy
+from helpers import SMALL, policy, ship
 
 import uvms_gym
-from uvms_gym import MLP
 from uvms_gym._files import lock
 from uvms_gym.cli import compare_report, main
 from uvms_gym.controllers import registry
@@ -59,12 +58,7 @@ def compared(out: Path, *arguments: str) -> dict[str, Any]:
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with two policies for the small scene at 0.1 s."""
     monkeypatch.setattr(registry, "FOLDERS", [tmp_path / "policies"])
-    folder = tmp_path / "policies" / "UVMS-StationKeep" / SMALL / "0.1s"
-    folder.mkdir(parents=True)
-    for seed in (0, 1):
-        made = MLP(scene=SMALL, substeps=10, notes={"steps": "7"}, **layers((24, 6), seed))
-        made.save(folder / f"ppo-{seed}.safetensors")
-    return folder
+    return ship(tmp_path / "policies")
 
 
 @pytest.fixture(scope="module")

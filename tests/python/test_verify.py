@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import SMALL, layers, policy
+from helpers import SMALL, layers, policy, ship
 
 from uvms_gym import MLP
 from uvms_gym.cli import main
@@ -27,11 +27,7 @@ RECORDS = {"uvms_gym", "commit", "python", "numpy", "gymnasium", "matplotlib", "
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The working folder, with compare.json of two conditions, and policies shipped for the small scene."""
     path = tmp_path_factory.mktemp("verify")
-    shipped = path / "policies" / "UVMS-StationKeep" / SMALL / "0.1s"
-    shipped.mkdir(parents=True)
-    for seed in (0, 1):
-        made = MLP(scene=SMALL, substeps=10, notes={"steps": "7"}, **layers((24, 6), seed))
-        made.save(shipped / f"ppo-{seed}.safetensors")
+    ship(path / "policies")
     policy(substeps=10).save(path / "own.safetensors")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
