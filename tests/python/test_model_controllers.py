@@ -66,18 +66,15 @@ def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any
 def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
     still = {"start_distance": 0.0, "start_angle": 0.0}
     env = StationKeepVectorEnv(16, scene=scene, action=action, max_current=0.2, max_episode_steps=None, **still)
-    rollout = uvms_gym.Rollout(env, kind(env))
-    env.reset(seed=5)
-    rollout.run(200)
-    rollout.pop_stats()
-    rollout.run(200)
-    with_model = rollout.pop_stats().sums["position_error"].mean() / 200
-    rollout = uvms_gym.Rollout(env, PD(env))
-    env.reset(seed=5)
-    rollout.run(200)
-    rollout.pop_stats()
-    rollout.run(200)
-    plain = rollout.pop_stats().sums["position_error"].mean() / 200
+    errors = []
+    for controller in (kind(env), PD(env)):
+        rollout = uvms_gym.Rollout(env, controller)
+        env.reset(seed=5)
+        rollout.run(200)
+        rollout.pop_stats()
+        rollout.run(200)
+        errors.append(rollout.pop_stats().sums["position_error"].mean() / 200)
+    with_model, plain = errors
     assert with_model < (1.02 if kind is PDRestoring else 0.4) * plain, (with_model, plain)
 
 

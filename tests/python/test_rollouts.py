@@ -39,12 +39,16 @@ def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -
     return result | {"seen": seen}
 
 
-def assert_equal(stats: Any, expected: dict[str, Any]) -> None:
+def assert_equal(rollout: Rollout, steps: int, expected: dict[str, Any]) -> Any:
+    """Check a rollout from here on against the numbers of stepping; its statistics."""
+    rollout.run(steps)
+    stats = rollout.pop_stats()
     for name in ("steps", "returns", "terminated", "truncated"):
         np.testing.assert_array_equal(getattr(stats, name), expected[name], err_msg=name)
     for kind in ("sums", "squares", "last"):
         for name in INFO:
             np.testing.assert_array_equal(getattr(stats, kind)[name], expected[kind][name], err_msg=f"{kind} {name}")
+    return stats
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -55,10 +59,7 @@ def test_a_rollout_gives_the_numbers_of_stepping(dtype: Any, kind: int) -> None:
     env = StationKeepVectorEnv(70, scene=SMALL, dtype=dtype, max_episode_steps=25)
     expected = stepped(env, controller, 3, 30)
     env.reset(seed=3)
-    rollout = Rollout(env, controller)
-    rollout.run(30)
-    stats = rollout.pop_stats()
-    assert_equal(stats, expected)
+    stats = assert_equal(Rollout(env, controller), 30, expected)
     assert stats.truncated.all() and (stats.steps == 25).all()
 
 
@@ -69,9 +70,7 @@ def test_episodes_that_diverge_stop_counting() -> None:
     expected = stepped(env, wild, 0, 300)
     env.reset(seed=0)
     rollout = Rollout(env, wild)
-    rollout.run(300)
-    stats = rollout.pop_stats()
-    assert_equal(stats, expected)
+    stats = assert_equal(rollout, 300, expected)
     assert stats.terminated.all() and 10 < stats.steps.min() < 300
     rollout.run(10)
     assert rollout.pop_stats().steps.max() == 0
