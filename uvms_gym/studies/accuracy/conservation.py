@@ -21,7 +21,7 @@ QUANTITIES = ("energy", "linear", "angular")
 
 
 def conservative(scene: dict[str, Any]) -> dict[str, Any]:
-    """Copy of a scene with all its inertia and added mass, but no gravity, damping, vehicle terms, friction or servos."""
+    """Copy of a scene with all its inertia and added mass, without gravity, damping, terms, friction and servos."""
     stripped = copy.deepcopy(scene)
     stripped["provenance"] = {}
     stripped["water"]["gravity"] = [0.0, 0.0, 0.0]
