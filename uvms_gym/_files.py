@@ -1,4 +1,4 @@
-"""Files: reading within a limit, writing that keeps them whole, locks of folders."""
+"""Files: reading within a limit, writing without partial files, locks of folders."""
 
 import contextlib
 import errno
@@ -107,7 +107,7 @@ def write(path: str | os.PathLike[str], data: str | bytes) -> None:
 
 @contextlib.contextmanager
 def lock(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Hold an existing folder for this process; the system releases it if the process dies.
+    """Lock an existing folder for this process; the system releases it if the process dies.
 
     Where the file system has no locks, nothing is held.
 
@@ -140,7 +140,7 @@ def _new_part(folder: str) -> tuple[str, IO[bytes]]:
         try:
             with contextlib.suppress(OSError):
                 fcntl.flock(file, fcntl.LOCK_EX)
-            # Another process may have taken it for an orphan before it was locked.
+            # Another process may have removed it as an orphan before it was locked.
             if os.path.exists(part):
                 return part, file
         except BaseException:
@@ -150,7 +150,7 @@ def _new_part(folder: str) -> tuple[str, IO[bytes]]:
 
 
 def _remove_orphans(folder: str) -> None:
-    """Remove files that killed processes have left: no one holds their locks."""
+    """Remove files that killed processes have left: their locks are free."""
     with os.scandir(folder) as entries:
         names = [entry.path for entry in entries if entry.name.startswith(_PART[0]) and entry.name.endswith(_PART[1])]
     for name in names:

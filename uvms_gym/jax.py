@@ -48,32 +48,8 @@ def step(
 ) -> jax.Array:
     """Step all instances from `state`; a function of arrays with a vector-Jacobian product, under `jax.jit` too.
 
-    A callback on the host. Arguments and results are those of `uvms_gym.torch.step`, as arrays of float64. The
-    simulator is working memory and stays as it is; it gives the water's velocity.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        With an integrator that has derivatives of steps; of either dtype.
-    state : jax.Array (N, 13 + 2n [+ m])
-        See `uvms_gym.torch.state`.
-    inputs : dict of jax.Array
-        Inputs of `Simulator.step`, of one instance or of all (leading N).
-    parameters : dict of jax.Array () or (N,)
-        Factors on parameters, see `Simulator.scale_parameters`.
-    substeps : int
-        Number of steps of `dt`.
-
-    Returns
-    -------
-    jax.Array
-        Next states, in the layout of `state`.
-
-    Raises
-    ------
-    ValueError
-        An array is not of dtype float64 or has the wrong shape; an input or parameter is unknown; the simulator has no
-        derivatives of steps.
+    A callback on the host. Arguments, results and errors are as in `uvms_gym.torch.step`, with arrays of float64 (which
+    `jax.config.update("jax_enable_x64", True)` enables) in place of tensors.
     """
     inputs, parameters = inputs or {}, parameters or {}
     call = _step.call_of(simulator, inputs, parameters, substeps)
@@ -83,7 +59,6 @@ def step(
 
 
 def _checked(name: str, value: Any, simulator: Simulator) -> jax.Array:
-    """The array of all instances."""
     value = jnp.asarray(value)
     if value.dtype != jnp.float64:
         raise ValueError(

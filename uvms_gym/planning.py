@@ -89,7 +89,7 @@ def optimize_trajectory(
 ) -> Trajectory:
     """Minimise a quadratic tracking cost over the inputs of K control periods, from the simulator's present states.
 
-    The motion is that of `simulator.step`, whatever its integrator, with the exact derivatives of `step_jacobians`.
+    The motion follows `simulator.step`, whatever its integrator, with the exact derivatives of `step_jacobians`.
     The simulator is not stepped. With N instances there are N independent problems: the result of each has the same
     bits whatever N and `threads` are.
 
@@ -100,7 +100,7 @@ def optimize_trajectory(
     Hessian, and a line search that accepts decreases of the cost alone. [TET12, TMT14] See
     docs/trajectory-optimization.md.
 
-    Arrays have shape (w,), (K, w) or (N, K, w), with K + 1 in place of K for those of states, or any that broadcasts to
+    Arrays have shape (w,), (K, w) or (N, K, w), with K + 1 in place of K for states, or any that broadcasts to
     the last; a number holds for all.
 
     Parameters
@@ -118,7 +118,7 @@ def optimize_trajectory(
         Weights > 0 of the inputs to choose: "thrust" (m), "fin" (k), "wrench" (6), "joint_torque" (n), "joint_target"
         (n). Other inputs are not given.
     terminal_weights : dict of array_like, optional
-        Weights (w,) or (N, 1, w) of the last knot, in place of those of `weights`.
+        Weights (w,) or (N, 1, w) of the last knot, in place of `weights`.
     references : dict of array_like, optional
         "position" (3), "rotation" (3, 3), "q", "twist", "qd", "end_effector", and inputs. By default the pose, q and
         end effector of the start, and for joint targets q; 0 for the rest.
@@ -166,14 +166,15 @@ def optimize_trajectory(
         if count < minimum:
             raise ValueError(f"{name} must be at least {minimum}, not {count}")
     references, bounds, initial = references or {}, bounds or {}, initial or {}
+    terminal_weights = terminal_weights or {}
     problems, joints = simulator.num_envs, simulator.num_joints
     names = sorted(input_weights, key=lambda name: _INPUTS.index(name) if name in _INPUTS else -1)
     widths = dict(zip(names, _core.trajectory_inputs(simulator, names), strict=True))
     rows = {"position": 3, "attitude": 3, "q": joints, "twist": 6, "qd": joints, "end_effector": 3}
     _known("weights", weights, rows)
-    _known("terminal_weights", terminal_weights or {}, rows)
-    for argument, given in (("bounds", bounds), ("initial", initial)):
-        _known(argument, given, widths)
+    _known("terminal_weights", terminal_weights, rows)
+    _known("bounds", bounds, widths)
+    _known("initial", initial, widths)
     _known("references", references, {name: None for name in rows if name != "attitude"} | {"rotation": None} | widths)
 
     knots = (problems, horizon + 1)
@@ -189,14 +190,9 @@ def optimize_trajectory(
         ]
         return np.concatenate(parts, axis=-1) if parts else np.empty((problems, horizon, 0))
 
-    state_weights = np.concatenate([of_states("weights", weights, name, 0.0, row) for name, row in rows.items()], -1)
-    if terminal_weights is not None:
-        first = 0
-        for name, row in rows.items():
-            if name in terminal_weights:
-                last = _broadcast(f"terminal_weights['{name}']", terminal_weights[name], (problems, 1, row))
-                state_weights[:, -1:, first : first + row] = last
-            first += row
+    state_weights = {name: of_states("weights", weights, name, 0.0, row) for name, row in rows.items()}
+    for name, given in terminal_weights.items():
+        state_weights[name][:, -1:] = _broadcast(f"terminal_weights['{name}']", given, (problems, 1, rows[name]))
     shapes = [
         ("position", simulator.position[:, None], (3,)),
         ("rotation", simulator.rotation[:, None], (3, 3)),
@@ -215,7 +211,7 @@ def optimize_trajectory(
     )
     arrays = {
         "references": np.concatenate(list(states.values()), axis=-1),
-        "weights": state_weights,
+        "weights": np.concatenate(list(state_weights.values()), axis=-1),
         "input_references": targets,
         "input_weights": of_inputs("input_weights", input_weights, {}),
         "lower": lower,
@@ -252,7 +248,6 @@ def _broadcast(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Floats:
 
 
 def _split(array: Floats, widths: Mapping[str, int]) -> list[Floats]:
-    """Columns of each input."""
     return np.split(array, np.cumsum(list(widths.values()))[:-1], axis=-1) if widths else []
 
 

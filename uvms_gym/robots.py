@@ -18,7 +18,7 @@ def import_urdf(
 ) -> dict[str, Any]:
     """Make a scene of a vehicle and the arm of a URDF file.
 
-    Joint frames, axes, limits, effort, speed, damping, friction and inertias are those of the file; bodies on fixed
+    Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file; bodies on fixed
     joints and side branches are merged into the links that carry them. Volume, added mass and damping are estimated
     from the collision geometry, or from the visual geometry (see `estimate`). Meshes are not read: such a link has the
     hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia

@@ -64,12 +64,12 @@ def make_vec_env(
 class NativeVecEnv(VecEnv):
     """Stable-Baselines3 `VecEnv` over a Gymnasium vector environment, with same-step autoreset.
 
-    Observations, rewards, dones, reset infos, and the infos of instances whose episode has just ended are those of a
-    `DummyVecEnv` of single environments in a `Monitor`, bit for bit. The infos of all other instances are separate
+    Observations, rewards, dones, reset infos, and the infos of instances whose episode has just ended equal those of
+    a `DummyVecEnv` of single environments in a `Monitor`, bit for bit. The infos of all other instances are separate
     empty dicts; the metrics of all instances are arrays in `infos`.
 
     Attributes and methods of single instances: `set_attr` sets an attribute beside the environment, which `get_attr`
-    finds first, as `DummyVecEnv` does with the outermost wrapper. `get_attr` gives `episode` of the instance alone, its
+    finds first, as `DummyVecEnv` does with the outermost wrapper. `get_attr` gives `episode` of the instance only, its
     own spaces, and otherwise the vector environment's attributes. `env_method` calls `reset`, `render`, `snapshot`,
     `get_state` and `set_state`.
 
@@ -121,7 +121,7 @@ class NativeVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions (n, a) of the next step."""
+        """Store the actions (n, a) of the next step."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -247,7 +247,7 @@ class NativeVecEnv(VecEnv):
             if not mask.all():
                 given["reset_mask"] = mask
                 if not self._started:
-                    # Some alone cannot be the first.
+                    # The first reset must cover all instances.
                     self.envs.reset(seed=cast(Any, list(seeds)))
             observations, self.infos = self.envs.reset(seed=cast(Any, list(seeds)), options=given or None)
             self._started = True
@@ -257,7 +257,6 @@ class NativeVecEnv(VecEnv):
         return observations, [infos[i] for i in sorted(infos)]
 
     def _attribute(self, name: str, i: int) -> Any:
-        """An attribute of instance i."""
         if name in self._own[i]:
             return self._own[i][name]
         found = {"observation_space": "single_observation_space", "action_space": "single_action_space"}.get(name, name)

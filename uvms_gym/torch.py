@@ -48,8 +48,8 @@ def step(
 ) -> torch.Tensor:
     """Step all instances from `state`; a function of tensors with gradients by all of them.
 
-    Derivatives are those of `Simulator.step_vjp`, once differentiable. The simulator is working memory and stays as it
-    is; it gives the water's velocity. Each call keeps a checkpoint until it has been differentiated
+    Derivatives come from `Simulator.step_vjp`, once differentiable. The simulator is working memory and stays as it
+    is; it gives the water's velocity. Each call stores a checkpoint until it has been differentiated
     (`Simulator.__getstate__`, about 1 kB per instance). Tensors are shared with NumPy's arrays, not copied.
 
     Parameters
@@ -85,7 +85,6 @@ def step(
 
 
 def _checked(name: str, value: object, simulator: Simulator) -> torch.Tensor:
-    """The tensor of all instances."""
     if not isinstance(value, torch.Tensor):
         raise TypeError(f"{name} must be a torch.Tensor, but is {type(value).__name__}")
     if value.device.type != "cpu":

@@ -252,7 +252,7 @@ def test_val_a_rollout_is_the_motion_of_its_inputs() -> None:
 
     scene = load_scene("petasus-pum")
     model = mujoco_model.build(scene)
-    rolling = mujoco_model.Rolling(model, scene, n=2, steps=3, seed=1, measured=False)
+    rolling = mujoco_model.Rolling(model, scene, n=2, steps=3, seed=1)
     start, controls = rolling.start.copy(), rolling.controls
     assert (controls[:, :, 6:] == [0.0, 0.3, 0.6, 0.4, 0.0]).all()
     assert len(np.unique(controls[:, 0, :6])) == 12
@@ -357,5 +357,5 @@ def test_missing_peers_are_one_line_that_says_what_to_install(
 def test_a_held_vehicle_has_no_peers() -> None:
     scene = load_scene("petasus-pum")
     scene["vehicle"]["fixed"] = True
-    with pytest.raises(ValueError, match="holds its vehicle"):
+    with pytest.raises(ValueError, match="has a fixed vehicle"):
         peers.check_scene(scene)

@@ -148,7 +148,7 @@ REFUSED = [
     ("accuracy --env UVMS-Dock-v0 --episodes 1", "--episodes is 1, but must be"),
     ("accuracy --env UVMS-Dock-v0 --scene /no/such.toml", "/no/such.toml"),
     ("accuracy --env UVMS-EETrack-v0 --scene free-body", "UVMS-EETrack-v0, free-body: "),
-    ("accuracy --env UVMS-Dock-v0 --step 0.01", "--step is not for --env, which takes --dt"),
+    ("accuracy --env UVMS-Dock-v0 --step 0.01", "--step is not for --env, which has --dt"),
     ("accuracy --env UVMS-Dock-v0 --quick", "--quick is not for --env"),
     # Speed
     ("bench --scene no-such", "no-such"),

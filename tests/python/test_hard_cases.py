@@ -117,7 +117,7 @@ def test_errors_are_relative_and_those_of_rotations_are_angles() -> None:
         assert errors({"r": off}, {"r": rotation})["r"] == pytest.approx(angle, rel=1e-5)
     one = {"x": np.array([[3.0, 4.0], [0.0, 1.0]])}
     assert errors({"x": one["x"] + [[0.0, 0.0], [0.0, 0.1]]}, one)["x"] == pytest.approx(0.02)
-    with pytest.raises(ValueError, match="not that of the reference"):
+    with pytest.raises(ValueError, match="differs from the reference's"):
         errors({"x": np.zeros((1, 2))}, one)
 
 

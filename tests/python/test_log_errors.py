@@ -60,7 +60,7 @@ COLUMNS = "t, x, y, z, qw, qx, qy, qz, frame"
         (lambda cells: cells[-1].pop(), ", line 31: 8 columns, but the first line has 9"),
         (lambda cells: cells[3].append("0"), ", line 4: 10 columns, but the first line has 9"),
         (lambda cells: cells.insert(3, [""]), ", line 4: 0 columns, but the first line has 9"),
-        (put(4, 0, "1.5"), ", line 5: the stamp 1.5 is before that of the row above, 2.0979"),
+        (put(4, 0, "1.5"), ", line 5: the stamp 1.5 is before the stamp of the row above, 2.0979"),
         (put(4, 4, "2.0"), ", line 5: the quaternion has norm 2.0"),
         (
             lambda cells: [put(k, 0, "3.0")(cells) for k in range(1, len(cells))],
@@ -212,7 +212,7 @@ def test_trials_are_named_where_files_are(log: tuple[Path, dict[str, Any]]) -> N
         ("joints.axes.elbow.position", None, "joints.axes.elbow: position or value is missing"),
         ("joints.axes.elbow.value", 1.0, "joints.axes.elbow: position or value, not both"),
         ("joints.axes.jaw", {"value": 0}, "joints.axes.jaw: the scene has no such joint; joints: shoulder, upper-arm"),
-        ("joints.axes.elbow", None, "joints.axes: elbow is missing; value = 0.0 stands for a constant"),
+        ("joints.axes.elbow", None, "joints.axes: elbow is missing; value = 0.0 declares a constant"),
         ("thrusters.axes.left.scale", 0, "thrusters.axes.left.scale: 0 is not allowed"),
         ("thrusters.axes.left.value", 0, "thrusters.axes.left: command or value, not both"),
         ("thrusters", {"topic": "/t", "axes": {"left": {"command": "data[0]"}}},

@@ -15,10 +15,10 @@ from PIL import Image
 import uvms_gym
 from uvms_gym import Renderer
 from uvms_gym.cli import main
-from uvms_gym.cli.film import between, film
+from uvms_gym.cli.film import film
 from uvms_gym.cli.overlay import COLOURS, Overlay
 from uvms_gym.cli.pictures import Frame, read_settings
-from uvms_gym.envs.rendering import shots
+from uvms_gym.envs.rendering import between, shots
 from uvms_gym.viewer.curves import CURVES, error_curves
 
 TASKS = {"UVMS-StationKeep-Storm-v0": "pd", "UVMS-EETrack-Storm-v0": "resolved", "UVMS-Dock-Storm-v0": "dock-pd"}

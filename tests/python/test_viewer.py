@@ -39,7 +39,7 @@ def test_strength_scales_flow_and_loads_and_leaves_sensors() -> None:
 @pytest.mark.parametrize("env", [STORM, "UVMS-EETrack-Storm-v0"])
 def test_a_change_goes_on_from_the_present_state(env: str) -> None:
     episode = live(env, "pd" if env == STORM else "resolved")
-    start = episode.after.aim[:3, 3]
+    start = episode.after["aim"][:3, 3]
     for _ in range(10):
         assert episode.step()
     before = episode.env.snapshot()
@@ -52,7 +52,7 @@ def test_a_change_goes_on_from_the_present_state(env: str) -> None:
     # In still water, without a storm, the current is zero; before it was not.
     assert np.linalg.norm(after.current) == 0.0 < np.linalg.norm(before.current)
     # The reference of an end effector begins anew, moved by as much.
-    np.testing.assert_allclose(episode.after.aim[:3, 3] - start, target[0], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(episode.after["aim"][:3, 3] - start, target[0], rtol=0.0, atol=1e-12)
     assert episode.time == pytest.approx(1.0)
 
 
@@ -70,7 +70,7 @@ def test_a_reset_repeats_the_episode() -> None:
     for _ in range(2):
         for _ in range(15):
             episode.step()
-        ends.append(episode.after.poses)
+        ends.append(episode.after["poses"])
         episode.reset()
     np.testing.assert_array_equal(*ends)
 
@@ -119,7 +119,7 @@ def test_controls_act_at_the_next_picture(viewer: Any) -> None:
         viewer.picture(1.0 / 30.0)
     assert episode.time == pytest.approx(0.2)
     body = np.array(viewer.world._bodies[0].position)
-    low, high = sorted((episode.before.poses[0, 0, 3], episode.after.poses[0, 0, 3]))
+    low, high = sorted((episode.before["poses"][0, 0, 3], episode.after["poses"][0, 0, 3]))
     assert low <= body[0] <= high
     page.payload.value = 2.0
     wait_for_commands(page)

@@ -241,7 +241,7 @@ def test_random_messages_end_nothing(guest: Guest) -> None:
     guest.set("Payload (kg)", 1.0)
     guest.until(lambda: viewer.episode.conditions.payload == 1.0)
     assert viewer.episode.controller in (before, "pid")
-    assert np.isfinite(viewer.episode.after.poses).all()
+    assert np.isfinite(viewer.episode.after["poses"]).all()
 
 
 def test_any_error_is_a_notice(guest: Guest, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,9 +47,9 @@ def test_a_lost_vehicle_is_followed_and_found(guest: Guest) -> None:
     viewer = guest.viewer
     world, episode = viewer.world, viewer.episode
     far = np.array([4.0, -3.0, 1.0])
-    episode.after.poses[:, :3, 3] += far
+    episode.after["poses"][:, :3, 3] += far
     episode.before = episode.after
-    place = episode.after.poses[0, :3, 3]
+    place = episode.after["poses"][0, :3, 3]
     camera = next(iter(viewer.server.get_clients().values())).camera
     viewer.picture(0.0)
     start = camera.look_at
@@ -75,7 +75,7 @@ def test_a_narrow_window_shows_the_vehicle_above_the_controls(viewer: Any) -> No
         guest = present(viewer, image_width=width, image_height=height)
         camera = max(viewer.server.get_clients().items())[1].camera
         guest.until(lambda camera=camera: camera.look_at.any())
-        x, y = seen_at(camera, viewer.episode.after.poses[0, :3, 3])
+        x, y = seen_at(camera, viewer.episode.after["poses"][0, :3, 3])
         assert columns[0] < x < columns[1]
         assert rows[0] < y < rows[1]
 

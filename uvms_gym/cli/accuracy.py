@@ -86,7 +86,7 @@ def accuracy(
     if env:
         for option, given in (("step", step), ("tolerance", tolerance), ("time", seconds), ("quick", quick)):
             if given:
-                raise fail(f"--{option} is not for --env, which takes --dt, --dtype, --integrator and --episodes")
+                raise fail(f"--{option} is not for --env, which has --dt, --dtype, --integrator and --episodes")
         chosen: dict[str, Any] = {"integrator": integrator or [], "dtype": dtype or [], "step": dt or []}
         named = {"scene": scene, "dt": dt, "dtype": dtype, "integrator": integrator}
         arguments = environment_arguments(env_kwargs, **named)
@@ -95,7 +95,7 @@ def accuracy(
         return
     for option, value in (("dt", dt), ("dtype", dtype), ("env-kwargs", env_kwargs)):
         if value:
-            raise fail(f"--{option} needs --env; scenes take --step")
+            raise fail(f"--{option} needs --env; scenes have --step")
     known = work_precision.integrators()
     check_known("integrator", integrator or (), known)
     for h in step or ():
@@ -220,7 +220,7 @@ def _print_summary(results: dict[str, Any]) -> None:
         if comparison := result["comparison"]:
             say(
                 f"{name}: the error of {BASELINE} at the cost of MK4 at {STEP:g} s ({1e-3 * comparison['cost']:.3g} us "
-                f"per s) is {comparison['baseline_error']:.1e} m, {comparison['ratio']:.1e} times that of MK4."
+                f"per s) is {comparison['baseline_error']:.1e} m, {comparison['ratio']:.1e} times the error of MK4."
             )
     bad = [row for result in results.values() for row in result["rows"] if row["diverged"]]
     silent = sum(not (row["warned_early"] or row["warned_later"]) for row in bad)
@@ -228,7 +228,7 @@ def _print_summary(results: dict[str, Any]) -> None:
         f"<: below {FLOOR:g} times the uncertainty of the reference. !: some instances diverged (not finite, or an "
         f"error above {work_precision.DIVERGED:g} m or rad). w: warned. {silent} of {len(bad)} runs with diverged "
         "instances did not warn. Orders: of this motion, and without quadratic damping. Currents up to "
-        f"{CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of motion before the start."
+        f"{CURRENT:g} m/s, drive constant over {PERIOD:g} s, {LEAD:g} s of motion before the start."
     )
 
 

@@ -31,7 +31,7 @@ from uvms_gym.cli.validate import validate
 #: Exit status of a command that was interrupted.
 INTERRUPTED = 130
 
-# Help as plain text: Rich takes [default: ...] for markup, and cuts words that are longer than its narrow column.
+# Help as plain text: Rich reads [default: ...] as markup, and cuts words that are longer than its narrow column.
 _PLAIN: dict[str, Any] = {"no_args_is_help": True, "rich_markup_mode": None}
 app = typer.Typer(
     name="uvms",

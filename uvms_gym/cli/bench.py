@@ -36,7 +36,7 @@ SCENES, PEER_SCENES = (
     ("petasus-pum", "bluerov2-heavy-alpha5"),
 )
 INSTANCES, QUICK_INSTANCES = (1, 64, 1024, 16384), (1, 1024)
-#: Instances of sections with a single number of them, if among those of the run; else the maximum.
+#: Instances of sections with a single number of them, if the run has it; else the maximum.
 MANY = 1024
 SUBSTEPS, QUICK_SUBSTEPS = (1, 10), (10,)
 DTYPES = ("float64", "float32")
@@ -142,7 +142,6 @@ def bench(
 def _sections(
     loaded: Sequence[dict[str, Any]], given: bool, env: bool, with_peers: bool, sb3: bool
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Scenes for environments, and scenes for peers."""
     acting = [scene for scene in loaded if scene["vehicle"].get("thrusters")]
     if (env or sb3) and not acting:
         raise fail(f"{loaded[0]['name']}: no scene has thrusters, which environments need")
@@ -159,7 +158,7 @@ def _many(arguments: dict[str, Any]) -> int:
 
 
 def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> list[dict[str, Any]]:
-    """Time all cases of a scene together, scene by scene: memory need not hold those of all scenes."""
+    """Time all cases of a scene together, scene by scene: the cases of all scenes may not fit into memory."""
     rows = []
     # Instances, threads and substeps of the cases with varied parameters.
     varied_case = (_many(arguments), min(arguments["threads"]), max(arguments["substeps"]))

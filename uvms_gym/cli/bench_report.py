@@ -21,7 +21,7 @@ def spread(found: Mapping[str, float], scale: float = 1.0, digits: int = 0) -> s
 def print_all(results: dict[str, Any], run: dict[str, Any]) -> None:
     """Print the tables of all measured sections.
 
-    `run`: circumstances of the run, with its `load`.
+    `run` are the circumstances of the run, with its `load`.
     """
     arguments, machine = run["arguments"], run["machine"]
     before, after = (found[0] for found in (run["load"]["before"], run["load"]["after"]))
@@ -112,7 +112,7 @@ def _print_peers(found: dict[str, Any]) -> None:
         say(
             f"Ours: MK4, {step['n']} instances, {step['substeps']} substeps per call, {step['instruction_set']}. "
             f"{ABA}: the dynamics of four states. Without water the accelerations of MuJoCo's model differ from ours "
-            f"by {off['mujoco']:.0e} relative, those of Pinocchio's by {off['pinocchio']:.0e}, over random states."
+            f"by {off['mujoco']:.0e} relative, and Pinocchio's by {off['pinocchio']:.0e}, over random states."
         )
         _print_equal(scene, result["equal_error"], step["seconds"])
         _print_derivatives(scene, result["derivatives"])
@@ -145,7 +145,7 @@ def _print_equal(scene: str, found: dict[str, Any], seconds: dict[str, Any]) -> 
     table(title, ("program", "error, m", "step, s", "order", "s per s", "ours is times as fast"), rows)
     say(
         "Error: median distance of the vehicle's position from a fine reference of the same program after "
-        f"{found['time']:g} s of {found['motions']} motions (random initial twist, held thrusts, arm held by servos). "
+        f"{found['time']:g} s of {found['motions']} motions (random initial twist, constant thrusts, arm at home). "
         f"Doubling the references' steps changes them by {found['uncertainty']['ours']:.0e} m (ours) and "
         f"{found['uncertainty']['theirs']:.0e} m (MuJoCo's). *: extrapolated on the line through the nearest two steps."
     )
@@ -162,7 +162,7 @@ def _print_derivatives(scene: str, found: dict[str, Any]) -> None:
     errors = ", ".join(f"{error:.0e} {name}" for name, error in found["errors"].items())
     say(
         f"{derivatives.SCOPE} Errors of MuJoCo's, over the maximum derivative of a column: {errors}. Of Pinocchio's, "
-        f"{spread(found['call'], US, 1)} us of the call from Python are subtracted, as those of aba take."
+        f"{spread(found['call'], US, 1)} us of the call from Python are subtracted, as measured with aba."
     )
 
 

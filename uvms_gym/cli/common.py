@@ -45,7 +45,7 @@ Policies = Annotated[
         metavar="DIR",
         callback=_search,
         help="Search policies here, too: training/policies of a checkout has all training seeds. "
-        "[default: the package's, and those of the checkout that it is run from]",
+        "[default: the package's, and the checkout's that it is run from]",
     ),
 ]
 #: Names of controllers, in help texts.
@@ -91,8 +91,8 @@ def fail(message: str) -> typer.TyperException:
 def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> Iterator[None]:
     """Turn errors of library calls into user errors.
 
-    `place`: start of the message, such as "UVMS-StationKeep-v0: ". `verb`: access to files within the block: "read" or
-    "write". `*also`: further errors to turn into user errors.
+    `place` is the start of the message, such as "UVMS-StationKeep-v0: "; `verb` ("read" or "write") describes access to
+    files within the block; `also` are further errors to turn into user errors.
     """
     caught: tuple[type[Exception], ...] = (ValueError, TypeError, ImportError, gymnasium.error.Error, *also)
     try:
@@ -112,8 +112,8 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
 def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
     """Arguments of an environment, from --env-kwargs and from the options that have a name of their own.
 
-    `pairs`: `KEY:VALUE`; values other than Python literals are strings. `**options`: values of options, by the argument
-    that each sets; None or empty where the option is not given.
+    `pairs` are `KEY:VALUE`, where values other than Python literals are strings; `options` are values of options by the
+    argument that each sets, None or empty where an option is not given.
     """
     from uvms_gym.training.hyperparameters import parse_pairs
 
@@ -187,12 +187,12 @@ def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) ->
     return given
 
 
-#: Folders that this command holds until it ends.
+#: Folders that this command has locked until it ends.
 held = ExitStack()
 
 
 def hold(folder: Path) -> None:
-    """Hold a folder until the command ends."""
+    """Lock a folder until the command ends."""
     try:
         held.enter_context(lock(folder))
     except BlockingIOError:

@@ -50,7 +50,7 @@ def plot_episode(
         errors.set(title="Errors", ylabel="cm, °", ylim=(0.0, None))
         actions = np.array([instant.action for instant in instants if instant.action is not None])
         for k, name in enumerate(names):
-            # An action holds from the instant before; beyond ten colours lines are dashed.
+            # An action acts from the instant before; beyond ten colours lines are dashed.
             held = np.concatenate([actions[:1, k], actions[:, k]])
             style: Any = {"color": f"C{k}" if k else BLUE, "linestyle": "--" if k >= 10 else "-", "linewidth": 1.0}
             acts.step(time, held, where="pre", label=name, **style)

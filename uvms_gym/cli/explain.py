@@ -16,7 +16,7 @@ from uvms_gym.studies.terms.ablation import INSTANTS, STEP, TIME, Ablation, Savi
 from uvms_gym.studies.terms.scene_terms import Term
 
 MOST_EPISODES = 10_000
-#: Minimum error that is significant, over that of the integration.
+#: Minimum significant error, over the error of the integration.
 SIGNIFICANT = 10.0
 #: Errors at the end of the motion below which a term may be removed: m, rad, m.
 SMALL = (1e-3, 1e-3, 1e-3)

@@ -1,6 +1,6 @@
 """Films: pictures of an episode at a rate of their own, and files of them (.mp4, .gif, .png)."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any
@@ -14,22 +14,19 @@ from uvms_gym._files import replacing
 from uvms_gym.cli.episode_plot import Instant
 from uvms_gym.cli.overlay import COLOURS, Overlay
 from uvms_gym.cli.pictures import Frame
-from uvms_gym.envs.rendering import shots
+from uvms_gym.envs.rendering import Shot, between, mix, shots
 from uvms_gym.viewer.curves import error_curves
 
 Picture = NDArray[np.uint8]
-Shot = Mapping[str, Any]
-#: Colours of an animation besides those that are kept; more make files larger and look alike.
+#: Colours of an animation besides `COLOURS`; more make files larger without a visible difference.
 _PICTURE_COLOURS = 112
-#: What holds for a whole control period; the rest is interpolated.
-_HELD = ("thrust", "path", "payload")
 
 
 def film(env: Any, moments: Iterator[Instant], frame: Frame, last: bool = False) -> Iterator[Picture]:
     """Pictures of an episode at a rate of their own: what is between control instants is interpolated.
 
-    `env`: environment that is in the state of the instant that `moments` gave last. `last`: the picture of the last
-    instant only.
+    `env` is in the state of the instant that `moments` gave last. With `last`, only the picture of the last instant is
+    drawn.
     """
     curves = error_curves(env)
     overlay = Overlay(frame.title, frame.disturbance, frame.seconds, frame.settings.size, curves)
@@ -50,7 +47,7 @@ def film(env: Any, moments: Iterator[Instant], frame: Frame, last: bool = False)
             while (time := count / frame.settings.rate) < later.time - 1e-9:
                 share = (time - instant.time) / (later.time - instant.time)
                 names = [*(curve.entry for curve in curves), *(f"current_{axis}" for axis in "xyz")]
-                overlay.note(time, {name: _mix(instant.info[name], later.info[name], share) for name in names})
+                overlay.note(time, {name: mix(instant.info[name], later.info[name], share) for name in names})
                 yield draw(between(shot, following, share))
                 count += 1
             shot = following
@@ -62,23 +59,6 @@ def film(env: Any, moments: Iterator[Instant], frame: Frame, last: bool = False)
 
 def _shot(env: Any) -> Shot:
     return {name: rows[0] for name, rows in shots(env._native).items()}
-
-
-def between(before: Shot, after: Shot, share: float) -> Shot:
-    """State between two control instants; `share` is 0 at the first and 1 at the second."""
-    return {name: row if name in _HELD else _rotated(_mix(before[name], row, share)) for name, row in after.items()}
-
-
-def _mix(before: Any, after: Any, share: float) -> Any:
-    return (1.0 - share) * before + share * after
-
-
-def _rotated(mixed: Any) -> Any:
-    """Rotation matrices (3, 3) and poses (4, 4) with the nearest rotation; other arrays as they are."""
-    if np.shape(mixed) in ((3, 3), (4, 4)):
-        u, _, v = np.linalg.svd(mixed[:3, :3])
-        mixed[:3, :3] = u @ v
-    return mixed
 
 
 def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
@@ -94,7 +74,6 @@ def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
-    """H.264, by imageio-ffmpeg."""
     import imageio_ffmpeg
 
     first = next(pictures)
@@ -112,7 +91,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
                 count += 1
         finally:
             writer.close()
-        # ffmpeg's status is not told: a full disk at the end would be missed.
+        # ffmpeg's status is not returned: a full disk at the end would be missed.
         try:
             whole = imageio_ffmpeg.count_frames_and_secs(file.name)[0] == count
         except RuntimeError:
@@ -140,7 +119,7 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 
 def _palette(picture: Picture) -> Image.Image:
-    """Palette of the texts' and curves' colours as they are, a coarse cube of all colours, and those of a picture."""
+    """Palette of the texts' and curves' colours as they are, a coarse cube of all colours, and a picture's."""
     kept = [*chain.from_iterable(chain(COLOURS, product((0, 128, 255), repeat=3)))]
     # By an octree: other methods lose shadows, or what is small.
     found = Image.fromarray(picture).quantize(_PICTURE_COLOURS, Image.Quantize.FASTOCTREE).getpalette() or []

@@ -61,7 +61,7 @@ def fit(
     ] = None,
     period: Period = PERIOD,
     balance: Annotated[bool, Option(help="Fit static balance as well, for comparison.")] = True,
-    name: Annotated[str | None, Option(help="Name of the fitted scene. [default: that of FILE]")] = None,
+    name: Annotated[str | None, Option(help="Name of the fitted scene. [default: the name of FILE]")] = None,
     force: Annotated[bool, Option("--force", help="Overwrite existing files.")] = False,
 ) -> int:
     """Fit numbers of a scene to logs: all trials as one batch, joints as logged, robust, with priors from the scene.
@@ -111,7 +111,6 @@ def fit(
 
 
 def _prior(text: str) -> tuple[str, float]:
-    """Key and number of a prior."""
     key, _, number = text.rpartition("=")
     try:
         return key, float(number)
@@ -120,7 +119,6 @@ def _prior(text: str) -> tuple[str, float]:
 
 
 def _print(found: Fit) -> None:
-    """Print the tables of a fit."""
     rows = []
     for p, share in zip(found.parameters, found.uncertainty.shares):
         low, high = found.intervals[p.key]
@@ -152,7 +150,6 @@ def _print(found: Fit) -> None:
 def _write(
     written: Sequence[Path], found: Fit, data: dict[str, Any], name: str, source: str, about: dict[str, Any]
 ) -> None:
-    """Write all files."""
     heading = f"# Fitted by uvms fit to {len(found.train)} trials of {source}: {', '.join(found.train)}.\n"
     fitted = files.fitted_scene(found, source, name)
     texts = (

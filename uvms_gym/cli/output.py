@@ -22,7 +22,7 @@ _GAP, _SHARE, _CELL = 2, 0.5, 40
 
 
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]], text_columns: int = 1) -> None:
-    """Print a table; all but the first columns hold numbers.
+    """Print a table; all but the first columns contain numbers.
 
     No number is broken: columns that do not fit beside the others follow below, under the first columns again.
     """

@@ -23,17 +23,15 @@ def _rgb(colour: str) -> Colour:
     return red, green, blue
 
 
-#: Colours of texts and curves, which a palette must keep.
+#: Colours of texts and curves, which a palette must contain.
 COLOURS = (WHITE, GREY, GRID, PANEL, *(_rgb(curve.colour) for curve in CURVES))
 
 
 class Overlay:
     """Composes the pictures of one episode.
 
-    `title`, `disturbance`: text at the left, and level of disturbances. `size`: width and height of the whole picture,
-    pixels.
-
-    `view`: width and height that are left for the picture of the scene.
+    `title` is the text at the left, `disturbance` the level of disturbances; `size` and `view` are width and height,
+    pixels, of the whole picture and of the part for the scene.
     """
 
     def __init__(
@@ -75,7 +73,7 @@ class Overlay:
         speed = math.hypot(*(self._info.get(f"current_{axis}", 0.0) for axis in "xyz"))
         right = "    ".join(filter(None, (disturbance, f"current {speed:.2f} m/s", f"{self._times[-1]:5.1f} s")))
         margin, middle = self._pixels(10.0), self._bar // 2
-        # The title gives way.
+        # The title is shortened.
         room = self._size[0] - 3 * margin - pen.textlength(right, self._font)
         while len(title) > 1 and pen.textlength(title, self._font) > room:
             title = title.removesuffix("…")[:-1] + "…"

@@ -90,8 +90,8 @@ def _print_tumbling(data: dict[str, Any]) -> None:
     ratio = float(np.mean(np.divide(data["errors"]["RK4 + normalise"], data["errors"]["MK4"])))
     say(
         f"Inertia {data['inertia']} kg m2, spin {data['angular_velocity']} rad/s, quaternions read at unit length. "
-        f"Without a fixed axis, the error of normalised RK4 is {ratio:.1f} times that of MK4, at the same order. The "
-        f"reference is MK4 at h = {data['reference']['step']:g} s, with an uncertainty of "
+        f"Without a fixed axis, the error of normalised RK4 is {ratio:.1f} times the error of MK4, at the same order. "
+        f"The reference is MK4 at h = {data['reference']['step']:g} s, with an uncertainty of "
         f"{data['reference']['uncertainty']:.0e} rad."
     )
 

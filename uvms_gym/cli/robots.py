@@ -40,13 +40,13 @@ def estimate(
         Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each. [default: 0]"),
     ] = None,
     solidity: Annotated[
-        str | None, Option(metavar="S[,S,S]", help="Damping over that of the closed shape. [default: 1 - perforation]")
+        str | None, Option(metavar="S[,S,S]", help="Damping relative to the closed shape. [default: 1 - perforation]")
     ] = None,
     displaced: Annotated[
         float | None, Option(metavar="PART", help="Part of the envelope that displaces water. [default: 1]")
     ] = None,
     relative_density: Annotated[
-        float | None, Option(metavar="D", help="Mass over that of the displaced water. [default: 1]")
+        float | None, Option(metavar="D", help="Mass relative to the displaced water. [default: 1]")
     ] = None,
     joined: Annotated[bool, Option("--joined", help="Boxes and cylinders are parts of an arm.")] = False,
     density: Annotated[float, Option(metavar="RHO", help="Density of the water, kg/m3.")] = 1000.0,
@@ -123,7 +123,6 @@ def import_arm(
 
 
 def _write(text: str, out: Path | None, force: bool) -> None:
-    """Print a text, or write it to a file."""
     if out is None:
         print(text, end="")
         return

@@ -9,7 +9,7 @@ from typer import Option
 import uvms_gym
 from uvms_gym.cli.common import SceneArgument, check_range, console, fail, prepare, read_scene
 from uvms_gym.cli.output import Json, say, table, write_json
-from uvms_gym.studies.numerics import bodies
+from uvms_gym.studies.numerics import bodies, buoyancy_of
 
 Speed = Annotated[
     float | None,
@@ -47,13 +47,13 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
     console.print(loaded["name"], style="bold", markup=False)
     console.print(" ".join(loaded["summary"].split()), markup=False)
     console.print()
-    links = loaded.get("arm", {}).get("links", [])
+    water, links = loaded["water"], loaded.get("arm", {}).get("links", [])
     named = [("vehicle", loaded["vehicle"]["body"]), *((link["name"], link["body"]) for link in links)]
     rows: list[tuple[str, ...]] = []
     for name, body in named:
-        buoyancy, specific = _buoyancy(loaded, body), _specific_weight(loaded)
+        buoyancy, of_litre = buoyancy_of(body, water), buoyancy_of({"volume": 1e-3}, water)
         # Scenes give the volume or the buoyancy.
-        volume = 1e3 * body.get("volume", buoyancy / specific if specific else 0.0)
+        volume = 1e3 * body["volume"] if "volume" in body else buoyancy / of_litre if of_litre else 0.0
         rows.append((name, f"{body['mass']:.4g}", f"{volume:.4g}", f"{buoyancy:.4g}"))
     table("Bodies", ("body", "mass kg", "volume L", "buoyancy N"), rows)
     if simulator.num_joints:
@@ -123,23 +123,12 @@ def _freedom(simulator: uvms_gym.Simulator) -> int:
     return simulator.num_joints + (0 if simulator.scene["vehicle"]["fixed"] else 6)
 
 
-def _specific_weight(scene: dict[str, Any]) -> float:
-    """Weight of the water, N/m3."""
-    return float(scene["water"]["density"] * math.hypot(*scene["water"]["gravity"]))
-
-
-def _buoyancy(scene: dict[str, Any], body: dict[str, Any]) -> float:
-    """Buoyancy of a body, N."""
-    return float(body.get("buoyancy", _specific_weight(scene) * body.get("volume", 0.0)))
-
-
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
-    """Degrees of freedom, mass, weight and buoyancy."""
     scene = simulator.scene
     gravity = math.hypot(*scene["water"]["gravity"])
     mass = sum(body["mass"] for body in bodies(scene))
     weight = mass * gravity
-    buoyancy = sum(_buoyancy(scene, body) for body in bodies(scene))
+    buoyancy = sum(buoyancy_of(body, scene["water"]) for body in bodies(scene))
     return {
         "degrees of freedom": _freedom(simulator),
         "joints": simulator.num_joints,
@@ -152,7 +141,6 @@ def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
 
 
 def _fastest(simulator: uvms_gym.Simulator, speed: float | None) -> str:
-    """Name of the fastest mode."""
     modes = [mode for mode in simulator.modes(speed) if not mode["end_stop"]]
     return modes[0]["what"] if modes else "end stops"
 

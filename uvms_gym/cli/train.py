@@ -39,7 +39,7 @@ def train(
     algo: Annotated[
         Literal["ppo", "distill", "asymmetric-ppo", "shac"],
         Option(
-            help="ppo: that of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
+            help="ppo: PPO of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
             "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start. "
             "shac: gradients through the simulator, for station keeping and tracking, from scratch or from --start."
         ),
@@ -47,9 +47,9 @@ def train(
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
-        Option("-n", "--n-timesteps", help="Steps of all instances together. [default: that of the YAML file]"),
+        Option("-n", "--n-timesteps", help="Steps of all instances together. [default: from the YAML file]"),
     ] = None,
-    n_envs: Annotated[int | None, Option(help="Instances. [default: that of the YAML file]")] = None,
+    n_envs: Annotated[int | None, Option(help="Instances. [default: from the YAML file]")] = None,
     seed: Annotated[int | None, Option(help="Training seed. [default: 0]")] = None,
     base: Annotated[
         str | None, Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
@@ -268,7 +268,6 @@ def _run(
 
 
 def _export(policy: Path, export: Path) -> None:
-    """Copy a finished policy."""
     from uvms_gym.training.export import write_card
 
     with user_errors(verb="read or write"):

@@ -31,7 +31,7 @@ def validate(
 ) -> None:
     """Replay logs with a scene: the vehicle's motion under the logged joints and thrusters.
 
-    Prints RMS errors beside those of a constant predictor and one of static balance, and writes validate.json and
+    Prints RMS errors, also of a constant predictor and of static balance, and writes validate.json and
     replays.png to --out.
     """
     check_range("--period", period, 0.01, 1.0)
@@ -49,7 +49,7 @@ def validate(
     print_errors("RMS errors, mean over the trials", found.table)
     print_errors("Replay: RMS errors by trial", found.table, "replay")
     say(
-        "constant: attitude and velocity of the start; balance: weight and buoyancy alone, at the logged arm; replay: "
+        "constant: attitude and velocity of the start; balance: weight and buoyancy only, at the logged arm; replay: "
         "the scene's dynamics. Every trial starts from the state that fits its first second."
     )
     name_files(out, FILES)

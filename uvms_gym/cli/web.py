@@ -23,7 +23,7 @@ def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port:
         raise fail(f"--port is {port}, but {HOST} refuses it: {error.strerror or error}") from None
     except RuntimeError as error:
         raise fail(str(error)) from None
-    line(f"{viewer.url} (this machine alone; Ctrl-C ends it)")
+    line(f"{viewer.url} (this machine only; Ctrl-C ends it)")
     try:
         viewer.run()
     except KeyboardInterrupt:

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 from uvms_gym._core import Renderer, Simulator, Task
 
 Picture = NDArray[np.uint8]
+#: State of one instance to draw, by the names of `shots`.
+Shot = Mapping[str, Any]
 
 #: Modes of vector environments, and of single ones.
 RENDER_MODES = ("rgb_array",)
 SINGLE_MODES = (*RENDER_MODES, "human")
 #: Points along a drawn path.
 _PLACES = 97
+#: Parts of a shot that are constant over a control period; `between` interpolates the others.
+_CONSTANT = ("thrust", "path", "payload")
 
 
 class Pictures(Sequence[Picture]):
@@ -98,3 +102,18 @@ def _thrusts(native: Task, simulator: Simulator, episode: Mapping[str, NDArray[A
     if "surge" in names:
         return simulator.allocate(asked[:, :6])
     return np.zeros((native.num_envs, count))
+
+
+def mix(before: Any, after: Any, share: float) -> Any:
+    """Linear interpolation; `share` is 0 at the first and 1 at the second."""
+    return (1.0 - share) * before + share * after
+
+
+def between(before: Shot, after: Shot, share: float) -> dict[str, Any]:
+    """State between two control instants; rotations are the nearest to the interpolated matrices."""
+    now = {name: row if name in _CONSTANT else mix(before[name], row, share) for name, row in after.items()}
+    for name, row in now.items():
+        if name not in _CONSTANT and np.shape(row)[-2:] in ((3, 3), (4, 4)):
+            u, _, v = np.linalg.svd(row[..., :3, :3])
+            row[..., :3, :3] = u @ v
+    return now

@@ -26,7 +26,7 @@ def fitted_scene(fit: Fit, source: str, name: str | None = None) -> dict[str, An
     source : str
         Name of the logs, for the provenance.
     name : str, optional
-        Name of the scene; default that of the start.
+        Name of the scene; by default the name of the start.
     """
     scene = copy.deepcopy(fit.scene)
     provenance = scene.setdefault("provenance", {})
@@ -137,7 +137,7 @@ def _corrected(p: Parameter, old: Any, value: float) -> float:
 
 
 def _nodes(root: Any, tables: list[str], create: bool) -> list[Any]:
-    """Tables of a map at a path; a missing name of an axis stands for all."""
+    """Tables of a map at a path; a missing name of an axis means all axes."""
     nodes = [root]
     for name in tables:
         if create:
@@ -156,7 +156,6 @@ def _rotational(p: Parameter) -> tuple[str, int]:
 
 
 def _text(place: scene_keys.Steps) -> str:
-    """Key of one place."""
     parts = [f"[{step}]" if isinstance(step, int) else f".{step}" for step in place]
     return "".join(parts).removeprefix(".")
 

@@ -147,7 +147,7 @@ def fit(
     period : float
         Interval between compared samples, s.
     report : callable, optional
-        Called after every iteration. KeyboardInterrupt ends the fit of the dynamics; the result is that of the best
+        Called after every iteration. KeyboardInterrupt ends the fit of the dynamics; the result is the best
         step so far.
 
     Raises
@@ -198,7 +198,6 @@ def fit(
 
 
 def _stage(report: Report | None, stage: str) -> Callable[[int, float], None] | None:
-    """Report of one stage."""
     return None if report is None else lambda iteration, cost: report(stage, iteration, cost)
 
 

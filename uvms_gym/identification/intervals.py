@@ -54,12 +54,12 @@ class Uncertainty:
 def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     """Uncertainty of a solution.
 
-    Residuals of one trial are correlated, so that trials, not residuals, count as independent: the estimate is that of
+    Residuals of one trial are correlated, so that trials, not residuals, count as independent: the estimate is
     the jackknife over trials by one Newton step each (CR3), which is not too small for few trials either; priors count
     as one more observation each. Parameters at a bound stay there.
 
-    `solution`: minimum of N >= 2 trials. `prior` (p,): standard deviations of the priors. `share`: weight of a residual
-    that the solution was found with.
+    The solution has N >= 2 trials; `prior` (p,) are standard deviations of the priors, and `share` is the weight of a
+    residual in the fit.
     """
     with extra("cli"):
         from scipy.stats import t as student

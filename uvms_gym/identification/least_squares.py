@@ -10,7 +10,7 @@ from uvms_gym.identification.recordings import Floats
 
 #: Residual, in deviations of the noise, from which on its weight falls.
 ROBUST = 2.0
-#: Decrease of the cost at which the iteration ends: that of the logarithm of a likelihood.
+#: Decrease of the cost at which the iteration ends; the cost is the logarithm of a likelihood.
 TOLERANCE = 0.01
 #: Most iterations.
 ITERATIONS = 30
@@ -19,7 +19,7 @@ ITERATIONS = 30
 class Problem(Protocol):
     """Residuals of trials: N trials, p common parameters, m parameters of every trial."""
 
-    #: (p,), (m,) standard deviations of the priors of common parameters, and of those of a trial.
+    #: (p,), (m,) standard deviations of the priors of common parameters, and of a trial's parameters.
     deviations: Floats
     own_deviations: Floats
     #: (p,), (N, m) start, the mean of the priors.
@@ -56,7 +56,7 @@ class Solution:
     information: Floats
     #: (N, p) gradient of each trial's cost.
     scores: Floats
-    #: (p,) True where a bound holds a parameter.
+    #: (p,) True where a bound limits a parameter.
     at_bound: Floats
 
 
@@ -73,8 +73,8 @@ class _Point:
 def minimise(problem: Problem, report: Callable[[int, float], None] | None = None, stoppable: bool = False) -> Solution:
     """Minimise the robust cost from the problem's start.
 
-    `report`: called after every iteration with its number and the cost. `stoppable`: an interruption
-    (KeyboardInterrupt) ends the iteration at the best parameters so far, and the solution says so.
+    `report` is called after every iteration with its number and the cost. With `stoppable`, KeyboardInterrupt ends the
+    iteration at the best parameters so far, and the solution says so.
     """
     low, high = problem.bounds
     point = _evaluate(problem, problem.origin, problem.own_origin)
@@ -127,7 +127,6 @@ class _Model:
 
 
 def _evaluate(problem: Problem, common: Floats, own: Floats) -> _Point:
-    """Residuals and cost."""
     r = problem.residuals(common, own)
     scaled = (r / ROBUST) ** 2
     data = problem.share * ROBUST**2 * float(np.sum(np.sqrt(1.0 + scaled) - 1.0))

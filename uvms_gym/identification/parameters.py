@@ -41,9 +41,9 @@ _REACH = 4.0
 class Parameter:
     """Free number of a scene or a map."""
 
-    #: Key, see `scene_keys`; those of the map begin with "map.".
+    #: Key, see `scene_keys`; keys of the map begin with "map.".
     key: str
-    #: Value of the scene or the map; 1 where the key stands for different numbers, which the parameter multiplies.
+    #: Value of the scene or the map; 1 where the key names different numbers, which the parameter multiplies.
     start: float
     #: True for a positive number, whose coordinate is the logarithm.
     logarithmic: bool
@@ -81,9 +81,9 @@ def make_parameters(
 ) -> list[Parameter]:
     """Parameters of keys.
 
-    `free`: keys; `[a:b]` or a key of a list of numbers frees several. `map_data`: data of the map that the logs were
-    read with, for the start of its keys; default 0 and factors of 1. `priors`: standard deviations of priors by key,
-    relative for positive quantities.
+    In `free`, `[a:b]` or a key of a list of numbers frees several. `map_data` is the map that the logs were read with,
+    for the start of its keys (by default 0, and factors of 1). `priors` are standard deviations by key, relative for
+    positive quantities.
     """
     given = dict(priors or {})
     found: dict[str, Parameter] = {}
@@ -105,7 +105,6 @@ def make_parameters(
 
 
 def _of_scene(scene: dict[str, Any], key: str, given: Mapping[str, float]) -> Parameter:
-    """Parameter of a key of the scene."""
     numbers = tuple(scene_keys.read(scene, key))
     logarithmic, deviation = _prior(key, _PRIORS, (all(n > 0.0 for n in numbers), 0.0))
     logarithmic = logarithmic or len(set(numbers)) > 1
@@ -118,7 +117,6 @@ def _of_scene(scene: dict[str, Any], key: str, given: Mapping[str, float]) -> Pa
 
 
 def _of_map(key: str, data: Mapping[str, Any]) -> Parameter:
-    """Parameter of a key of the map."""
     name = key.removeprefix(MAP)
     found = _prior(name, _MAP_PRIORS, None)
     if found is None:
@@ -127,7 +125,7 @@ def _of_map(key: str, data: Mapping[str, Any]) -> Parameter:
     for step in name.split("."):
         node = node.get(step, {}) if isinstance(node, Mapping) else {}
     start = float(node) if isinstance(node, int | float) else 0.0
-    # (A scale is a factor on that of the map, whose sign it keeps.)
+    # (A scale is a factor on the map's scale, whose sign stays.)
     return Parameter(key, 1.0 if found[0] else start, *found)
 
 
@@ -167,7 +165,6 @@ def apply(
 
 
 def _index(key: str, name: str, names: Sequence[str]) -> int:
-    """Index of a name."""
     if name not in names:
         raise ValueError(f"{key!r}: the scene has no {name!r}, but {', '.join(names) or 'none'}")
     return list(names).index(name)

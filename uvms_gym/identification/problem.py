@@ -43,7 +43,7 @@ _UNITS = np.array([factor for _, factor in CHANNELS.values()])
 class ReplayProblem:
     """Residuals of dynamics or, with `static`, of the attitude at which weight and buoyancy balance.
 
-    `corrections` are those of the logs where no parameter changes them.
+    `corrections` correct the logs where no parameter does.
     """
 
     def __init__(

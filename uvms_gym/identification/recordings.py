@@ -48,7 +48,7 @@ class Recording:
     #: First time and interval, s.
     start: float
     period: float
-    #: (n + 1, 12) measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of
+    #: (n + 1, 12) measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is in
     #: the position's axes.
     measured: Floats
     #: (12,) the same at the start, by regression over the first samples; velocities in body axes.
@@ -107,7 +107,7 @@ class Recording:
         thrusters = self.log.thrusters
         if thrusters is None:
             return np.zeros((self.periods, parts, 0))
-        # Commands hold until the next: their integral is piecewise linear.
+        # Commands are constant until the next: their integral is piecewise linear.
         stamps, held = thrusters.time, thrusters.command
         stamps, held = np.append(stamps, stamps[-1] + 1e3), np.concatenate([held, held[-1:]])
         integral = np.concatenate(
@@ -135,7 +135,6 @@ def record(log: Log, period: float = PERIOD) -> Recording:
 
 
 def _measured(log: Log, times: Floats) -> Floats:
-    """Measured channels at times."""
     measured = np.full((len(times), len(NAMES)), np.nan)
     attitude = log.imu.attitude if log.imu is not None else None
     attitude = attitude or log.attitude or log.pose
@@ -175,7 +174,7 @@ def _initial(measured: Floats, period: float) -> Floats:
         if len(known) < degree + 2:
             return 0.0, 0.0
         *_, slope, value = np.polyfit(period * known, column[known], degree)
-        # (A channel that begins later tells its first value.)
+        # (A channel that begins later starts at its first value.)
         return (value if known[0] == 0 else column[known[0]]), slope
 
     state = np.array([line(column, count)[0] for column in measured.T])

@@ -102,8 +102,8 @@ class Replay:
     ) -> Floats:
         """Predict the motion of the vehicle.
 
-        `initial` (N, 12): channels at the start; default as measured. `current` (N, 3): velocity of the water in world
-        axes, m/s, besides that of the scene.
+        `initial` (N, 12) are channels at the start, by default as measured; `current` (N, 3) is the velocity of the
+        water in world axes, m/s, in addition to the scene's.
 
         Returns
         -------
@@ -218,7 +218,6 @@ def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
 
 
 def _without_thrusters(scene: dict[str, Any]) -> dict[str, Any]:
-    """Scene without thrusters."""
     vehicle = {key: value for key, value in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
     return scene | {"vehicle": vehicle, "provenance": {}}
 

@@ -66,7 +66,7 @@ def _time(table: Table, found: ChannelMap) -> Floats:
     if len(backwards):
         row = int(backwards[0]) + 1
         before, after = (repr(float(stamp)) for stamp in table.time[row - 1 : row + 1])
-        raise LogError(f"{table.where(row)}: the stamp {after} is before that of the row above, {before}")
+        raise LogError(f"{table.where(row)}: the stamp {after} is before the stamp of the row above, {before}")
     return np.asarray(table.time * found.time_factor - found.lag)
 
 
@@ -113,7 +113,7 @@ def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, A
 
 
 def without_jumps(time: Floats, q: Floats, limit: float, gap: float) -> Mask:
-    """True for samples (n,) whose attitude (n, 4) is within a limit, rad, of that of the accepted sample before.
+    """True for samples (n,) whose attitude (n, 4) is within a limit, rad, of the accepted sample before.
 
     The samples between two gaps, s, are judged together. Their longest run without a jump is accepted, and from it in
     both directions every run that begins within the limit of the last accepted sample.
@@ -140,7 +140,7 @@ def without_jumps(time: Floats, q: Floats, limit: float, gap: float) -> Mask:
 
 
 def without_repeats(time: Floats, values: Floats, period: float) -> Mask:
-    """True for samples (n,) whose values (n, k) are new, or follow the last kept sample by a period, s."""
+    """True for samples (n,) whose values (n, k) are new, or follow the last accepted sample by a period, s."""
     keep: Mask = np.r_[True, np.any(np.diff(values, axis=0) != 0.0, axis=1)]
     for first, end in zip(np.flatnonzero(keep), np.r_[np.flatnonzero(keep)[1:], len(time)]):
         last = time[first]

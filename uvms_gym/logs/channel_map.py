@@ -62,7 +62,7 @@ class ChannelMap:
     delimiter: str
     #: Column of stamps; None: the stamps of a topic's messages.
     time: str | None
-    #: Stamps of a topic's messages; None: those of the header where there is one.
+    #: Stamps of a topic's messages; None: the header's, where there is one.
     stamp: str | None
     #: Factor of the stamps to seconds.
     time_factor: float
@@ -92,7 +92,7 @@ class ChannelMap:
 
 
 def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
-    """Read the table of a channel; `gap` is that of the map."""
+    """Read the table of a channel; `gap` is the map's."""
     _exclusive(keys, "file", "topic")
     topic = keys.text("topic") if keys.has("topic") else None
     time = keys.table("time")
@@ -131,7 +131,6 @@ def _exclusive(keys: Keys, one: str, other: str, required: bool = True) -> None:
 
 
 def _delimiter(keys: Keys) -> str:
-    """Character between columns."""
     if not keys.has("delimiter"):
         return ","
     delimiter = keys.text("delimiter")
@@ -141,7 +140,6 @@ def _delimiter(keys: Keys) -> str:
 
 
 def _columns(kind: str, keys: Keys, topic: bool) -> dict[str, Columns]:
-    """Columns of each quantity of a channel."""
     columns = {}
     for k, (quantity, allowed) in enumerate(QUANTITIES[kind].items()):
         if keys.has(quantity) or (k == 0 and topic):
@@ -178,7 +176,6 @@ def _quaternion(keys: Keys, topic: bool) -> Columns:
 
 
 def _axes(kind: str, keys: Keys) -> tuple[Axis, ...]:
-    """Joints or thrusters."""
     if kind not in ("joints", "thrusters"):
         return ()
     table = keys.table("axes")
@@ -232,5 +229,5 @@ def in_scene_order(kind: str, found: ChannelMap, names: Sequence[str]) -> tuple[
             raise found.place.table("axes").error(name, problem)
     for name in names:
         if name not in axes:
-            raise found.place.error("axes", f"{name} is missing; value = 0.0 stands for a constant")
+            raise found.place.error("axes", f"{name} is missing; value = 0.0 declares a constant")
     return tuple(axes[name] for name in names)

@@ -49,7 +49,7 @@ class Channel:
 
     @property
     def spans(self) -> Floats:
-        """(k, 2) first and last stamps of the stretches without gaps, s; those of a single sample are left out."""
+        """(k, 2) first and last stamps of the stretches without gaps, s; stretches of a single sample are left out."""
         breaks = np.flatnonzero(np.diff(self.time) > self.gap)
         first, last = np.r_[0, breaks + 1], np.r_[breaks, len(self.time) - 1]
         return np.asarray(np.stack([self.time[first], self.time[last]], axis=-1)[last > first])
@@ -94,12 +94,10 @@ class Channel:
         return np.where(self.covers(times)[:, None], values, np.nan)
 
     def _linear(self, values: Floats, times: ArrayLike) -> Floats:
-        """Linear interpolation of values (n, k)."""
         times = np.asarray(times, dtype=np.float64)
         return self._where_covered(times, interpolation.linear(self.time, values, times))
 
     def _slerp(self, quaternion: Floats, times: ArrayLike) -> Floats:
-        """Spherical linear interpolation of quaternions (n, 4)."""
         times = np.asarray(times, dtype=np.float64)
         inside = np.clip(times, self.time[0], self.time[-1])
         return self._where_covered(times, rotations.slerp(self.time, quaternion, inside))
@@ -190,7 +188,7 @@ class Imu(Channel):
     specific_force : numpy.ndarray (n, 3) or None
         Acceleration less gravity, m/s2: +9.81 along world z at rest.
     quaternion : numpy.ndarray (n, 4) or None
-        Attitude [w, x, y, z], w >= 0, body to world. Its heading may differ from that of other channels.
+        Attitude [w, x, y, z], w >= 0, body to world. Its heading may differ from other channels'.
     """
 
     angular_velocity: Floats
@@ -253,7 +251,7 @@ class Joints(Channel):
         periods : int
             Number of periods, >= 1.
         smoothing : float
-            Time constant, s, >= 0: values and slopes at the ends of periods are those of a quadratic regression over
+            Time constant, s, >= 0: values and slopes at the ends of periods come from a quadratic regression over
             the samples around, with Gaussian weights of this standard deviation. 0: monotone cubics through the
             samples; stamps that jitter then make steep slopes.
 
@@ -308,7 +306,7 @@ class Thrusters(Channel):
     command: Floats
 
     def command_at(self, times: ArrayLike) -> Floats:
-        """(m, thrusters) command at times (m,), N: that of the last sample (zero-order hold)."""
+        """(m, thrusters) command at times (m,), N, by the last sample (zero-order hold)."""
         times = np.asarray(times, dtype=np.float64)
         k = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         return self._where_covered(times, self.command[k])

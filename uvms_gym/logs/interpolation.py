@@ -26,7 +26,7 @@ def pchip_slopes(time: Floats, values: Floats) -> Floats:
 
 
 def _end_slope(h0: Floats, h1: Floats, d0: Floats, d1: Floats) -> Floats:
-    """Slopes (k,) at an end, by three points, limited to keep the shape."""
+    """Slopes (k,) at an end, by three points, limited to preserve the shape."""
     slope = ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1)
     slope = np.where(slope * d0 <= 0.0, 0.0, slope)
     steep = (d0 * d1 <= 0.0) & (np.abs(slope) > 3.0 * np.abs(d0))

@@ -10,7 +10,7 @@ from uvms_gym.logs.errors import LogError
 class Keys:
     """Table of a TOML file, whose keys are read one by one; `finish` refuses those that nothing has asked for.
 
-    `path`: keys that lead to the table.
+    `path` are the keys that lead to the table.
     """
 
     def __init__(self, data: Mapping[str, Any], file: str, path: tuple[str, ...] = ()) -> None:

@@ -44,7 +44,7 @@ class Log:
     pose : Pose or None
         Position and attitude of the vehicle frame.
     attitude : Attitude or None
-        Attitude alone.
+        Attitude only.
     twist : Twist or None
         Velocity and angular velocity, body axes.
     imu : Imu or None
@@ -76,11 +76,11 @@ class Log:
         map : str, os.PathLike, dict or LogMap
             Map from files and topics to channels: see docs/logs.md.
         trial : str, optional
-            Name of the trial, which replaces "{trial}" in names of files. A map without "{trial}" takes none: the
+            Name of the trial, which replaces "{trial}" in names of files. A map without "{trial}" has none: the
             directory, or the bag, is one trial.
         scene : str, os.PathLike or dict, optional
-            Scene whose joints and thrusters give the order of the columns and must be those of the map. Without it, the
-            order is that of the map.
+            Scene whose joints and thrusters give the order of the columns and must be the map's. Without it, the
+            order is the map's.
 
         Raises
         ------
@@ -151,9 +151,9 @@ class Log:
         return spans
 
     def between(self, start: float, end: float) -> Self:
-        """Log of the times in [start, end], s, within those of this log.
+        """Part of this log at times in [start, end], s.
 
-        Every channel keeps one sample beyond each end, so that both interpolate.
+        Every channel has one sample beyond each end, so that both interpolate.
 
         Raises
         ------
@@ -207,7 +207,6 @@ def _names(scene: Scene | None) -> dict[str, Sequence[str]]:
 def _read_channels(
     directory: Path, found: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]
 ) -> dict[str, Channel]:
-    """Channels of a trial."""
     maps = dict(found.channels)
     for kind in (kind for kind in names if kind in maps):
         maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names[kind]))
@@ -218,18 +217,16 @@ def _read_channels(
 
 
 def _table(directory: Path, channel: ChannelMap, trial: str | None) -> Table:
-    """Table of a channel's file."""
     names = {key: group or [] for key, group in channel.names.items()}
     return read_table(_file(directory, channel.file or "", trial), channel.delimiter, channel.time or "", names)
 
 
 def _file(directory: Path, pattern: str, trial: str | None) -> Path:
-    """Path of a trial's file."""
     return directory / (pattern if trial is None else pattern.replace(TRIAL, trial))
 
 
 def _time_of(bound: Bound, default: float, directory: Path, trial: str | None, pose: Any, after: float) -> float:
-    """Time of a start or an end, s; that of a position is sought from `after` on, infinite if it is never reached."""
+    """Time of a start or an end, s; a position is searched from `after` on, and infinite if it is never reached."""
     if bound.time is not None:
         return bound.time
     if bound.file is not None:

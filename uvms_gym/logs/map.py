@@ -35,32 +35,21 @@ class Bound:
 
 @dataclass(frozen=True)
 class LogMap:
-    """Map from files or bags to the channels of logs.
+    """Map from files or bags to the channels of logs."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the map's file, for errors.
-    bag : str or None
-        Name of the bag, in which "{trial}" is replaced; None: the path that is read is the bag.
-    first : bool
-        Zero of the log's clock at its first sample; otherwise that of the stamps.
-    start : Bound
-        Start of the trial, within the samples that all channels share.
-    end : Bound
-        End of the trial, within the same samples.
-    channels : dict of str to ChannelMap
-        Channels by name.
-    trials : dict of str to LogMap
-        Maps of trials with keys of their own.
-    """
-
+    #: Name of the map's file, for errors.
     name: str
+    #: Name of the bag, in which "{trial}" is replaced; None: the path that is read is the bag.
     bag: str | None
+    #: Zero of the log's clock at its first sample; otherwise the zero of the stamps.
     first: bool
+    #: Start of the trial, within the samples that all channels share.
     start: Bound
+    #: End of the trial, within the same samples.
     end: Bound
+    #: Channels by name.
     channels: Mapping[str, ChannelMap]
+    #: Maps of trials with keys of their own.
     trials: Mapping[str, "LogMap"]
 
     @classmethod
@@ -89,12 +78,11 @@ class LogMap:
 
     @property
     def by_trial(self) -> bool:
-        """True where names of files hold the trial's name; otherwise a directory or a bag is one trial."""
+        """True where names of files contain the trial's name; otherwise a directory or a bag is one trial."""
         return any(TRIAL in name for name in self.patterns)
 
 
 def _log_map(data: Mapping[str, Any], name: str) -> LogMap:
-    """Map of a TOML file's data."""
     general = {key: value for key, value in data.items() if key != "trial"}
     _one_map(general, name, {})
     table = Keys(data, name).table("trial")
@@ -141,7 +129,6 @@ def _one_map(data: Mapping[str, Any], name: str, trials: Mapping[str, LogMap]) -
 
 
 def _bound(keys: Keys, key: str) -> Bound:
-    """Start or end of a trial."""
     value = keys.value(key)
     if value is None:
         return Bound()

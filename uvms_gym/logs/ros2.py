@@ -13,7 +13,7 @@ from uvms_gym.logs.channel_map import ChannelMap
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.tables import Table, make_table
 
-#: Fields of the usual messages that hold a quantity; the first one that a message has is read.
+#: Fields of the usual messages that contain a quantity; the first one that a message has is read.
 FIELDS = {
     "position": ("pose.pose.position", "pose.position", "position", "transform.translation"),
     "attitude": ("pose.pose.orientation", "pose.orientation", "orientation", "quaternion", "transform.rotation"),
@@ -67,11 +67,10 @@ class _Topic:
         return make_table(self._place, self._where, columns, self._channel.time or _STAMP, self._names)
 
     def _where(self, row: int) -> str:
-        """Place of a message."""
         return f"{self._place}, message {row + 1}"
 
     def _default(self, quantity: str, message: Any) -> list[str]:
-        """Fields of the message that hold a quantity."""
+        """Fields of the message that contain a quantity."""
         parts = ("w", "x", "y", "z") if quantity == "attitude" else ("x", "y", "z")
         for base in FIELDS[quantity]:
             names = [f"{base}.{part}" for part in parts]
@@ -83,14 +82,13 @@ class _Topic:
         raise LogError(f"{self._place}: no field for {quantity}; the map names columns, of: {_listed(message)}")
 
     def _missing(self, name: str, message: Any) -> LogError:
-        """Error of a field that a message lacks."""
         return LogError(f"{self._where(len(self._rows))}: {name}: no such number; fields: {_listed(message)}")
 
 
 def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]:
     """Read the topics of channels from a bag.
 
-    `path`: directory of a ROS 2 bag (SQLite or MCAP), or file of a ROS 1 bag.
+    `path` is the directory of a ROS 2 bag (SQLite or MCAP), or the file of a ROS 1 bag.
 
     Returns
     -------
@@ -150,13 +148,12 @@ def _getter(name: str) -> Getter:
 
 
 def _header_stamp(message: Any) -> float:
-    """Stamp of a message's header, s."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec * 1e-9)
 
 
 def _listed(message: Any) -> str:
-    """Fields of a message that hold numbers."""
+    """Fields of a message that contain numbers."""
     return ", ".join(_fields(message, "")) or "none"
 
 

@@ -46,7 +46,7 @@ def make_table(
 def read_table(path: Path, delimiter: str, time: str, names: Mapping[str, list[str]]) -> Table:
     """Read columns of a text file, whose first line names them.
 
-    `delimiter`: character between columns. `names`: columns of each quantity.
+    `delimiter` separates columns; `names` are the columns of each quantity.
     """
     with reading(path):
         text = read_text(path, _MOST, "utf-8-sig")

@@ -1,5 +1,6 @@
 """Small numerical helpers that several studies share."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -50,6 +51,13 @@ def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
     arm = scene.get("arm") or {}
     found = [scene["vehicle"]["body"], arm.get("base"), *(link["body"] for link in arm.get("links", []))]
     return [body for body in [*found, (scene.get("payload") or {}).get("body")] if body]
+
+
+def buoyancy_of(body: dict[str, Any], water: dict[str, Any]) -> float:
+    """Buoyancy of a body, N: as given, or of its volume."""
+    if (given := body.get("buoyancy")) is not None:
+        return float(given)
+    return float(water["density"] * math.hypot(*water["gravity"]) * (body.get("volume") or 0.0))
 
 
 def joints(scene: dict[str, Any]) -> list[dict[str, Any]]:

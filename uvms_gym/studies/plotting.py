@@ -42,7 +42,7 @@ STYLE: Any = {
 def picture(path: Path, width: float, height: float, dpi: float = 130, **style: Any) -> "Iterator[Figure]":
     """Give an empty figure of a size in inches in the common style, and write it to `path` at the end.
 
-    `**style`: settings of matplotlib over those of `STYLE`, with "__" for each dot.
+    `style` are settings of matplotlib in addition to `STYLE`, with "__" for each dot.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uvms_gym.controllers.families import canonical
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs.base import TaskEnv
-from uvms_gym.envs.rendering import shots
+from uvms_gym.envs.rendering import Shot, shots
 from uvms_gym.studies.comparison.conditions import SCALED
 from uvms_gym.studies.comparison.own import make_controller
 
@@ -43,7 +43,7 @@ class Conditions:
     def disturbance(self, components: dict[str, Any]) -> dict[str, Any]:
         """Components of a disturbance under these conditions.
 
-        `components`: components as the option `disturbance` takes them, without `base`.
+        `components` have the form of the option `disturbance`, without `base`.
         """
         changed = {name: dict(entry) if isinstance(entry, dict) else entry for name, entry in components.items()}
         for name, keys in _SCALED.items():
@@ -56,24 +56,6 @@ class Conditions:
         changed["current"] = {**changed.get("current", {}), "speed": self.current}
         changed["parameters"] = {**changed.get("parameters", {}), "payload": [self.payload, self.payload]}
         return changed
-
-
-@dataclass(frozen=True)
-class Frame:
-    """State to draw."""
-
-    #: (n + 2, 4, 4) poses of the moving bodies and of the end effector in the world.
-    poses: Floats
-    #: (4, 4) pose that the vehicle, or with a path the end effector, is to have now.
-    aim: Floats
-    #: (k, 3) points of the end effector's reference, m; k is 0 without one.
-    path: Floats
-    #: (m,) commanded thrusts, N.
-    thrust: Floats
-    #: (3,) velocity of the water in the world, m/s.
-    current: Floats
-    #: Mass at the end effector besides the scene's, kg.
-    payload: float
 
 
 class LiveEpisode:
@@ -100,7 +82,7 @@ class LiveEpisode:
         self.reset()
 
     def choose(self, controller: str) -> None:
-        """Take another controller, from blank memory, in the running episode."""
+        """Continue the episode with another controller, whose memory is empty."""
         name = canonical(controller, task=self.env.task)
         self._control = make_controller(name, self.env)
         self.controller = name
@@ -127,7 +109,7 @@ class LiveEpisode:
         given["disturbance"] = conditions.disturbance(self.components)
         self._observation, self.info = self.env.reset(seed=seed, options=given)
         self.conditions, self.target, self.seed, self._memory = conditions, target, seed, None
-        self.before = self.after = self._frame()
+        self.before = self.after = self._shot()
 
     def step(self) -> bool:
         """One control period; False where the run diverged and the episode began anew."""
@@ -137,15 +119,18 @@ class LiveEpisode:
             self.reset()
             return False
         self.time += self.period
-        self.before, self.after = self.after, self._frame()
+        self.before, self.after = self.after, self._shot()
         return True
 
-    def _frame(self) -> Frame:
+    def _shot(self) -> Shot:
+        """State to draw, with the `poses` (n + 2, 4, 4) of bodies and end effector, and the desired pose `aim`.
+
+        `aim` (4, 4) is the pose of the vehicle, or with a path the pose of the end effector.
+        """
         simulator, shot = self.env.snapshot(), shots(self.env._native)
         poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)
         aim = next(shot[name] for name in ("point", "dock", "target") if name in shot)
-        rows = (aim, shot["path"], shot["thrust"], shot["current"], shot["payload"])
-        return Frame(poses[0], *(row[0] for row in rows))
+        return {name: rows[0] for name, rows in {**shot, "poses": poses, "aim": aim}.items()}
 
 
 def _each(value: Any, change: Any) -> Any:

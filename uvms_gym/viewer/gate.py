@@ -72,7 +72,7 @@ class Gate:
     that leads here its own host. Of messages those pass that the controls can send, with values of their types and
     options; ranges are checked by the episode, whose refusal gives the control its last value back.
 
-    `refused`: called with a line, at most once a second, where a message is refused.
+    `refused` is called with a line, at most once a second, when a message is refused.
     """
 
     def __init__(self) -> None:
@@ -179,7 +179,7 @@ def _stranger(headers: Any) -> str | None:
     name = hosts[0].rpartition(":")[0] or hosts[0] if len(hosts) == 1 else ""
     if name not in _NAMES:
         return f"this page is served to http://{' and http://'.join(_NAMES)} only"
-    # Browsers tell the origin of every websocket.
+    # Browsers send the origin with every websocket.
     if (origins or "Upgrade" in headers) and origins != [f"http://{hosts[0]}"]:
-        return "this page takes no connections from other pages"
+        return "this page accepts no connections from other pages"
     return None

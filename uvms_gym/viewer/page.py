@@ -35,8 +35,8 @@ class Page:
 
     Callbacks of the server's threads put commands into a queue; the thread that steps the episode runs them.
 
-    `running`: False while paused. `speed`: simulated seconds per second. `stepped`: True once a single step was asked
-    for.
+    `running` is False while paused, `speed` is in simulated seconds per second, and `stepped` is True once a single
+    step was requested.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Page:
         """Append the present errors and thrusts to the curves."""
         episode = self._episode
         errors = (curve.scale * episode.info[curve.entry] for curve in self._curves)
-        self._rows.append([episode.time, *errors, *episode.after.thrust])
+        self._rows.append([episode.time, *errors, *episode.after["thrust"]])
 
     def draw_curves(self, rate: float) -> None:
         """Send the curves, and the state in words with the rate of pictures, 1/s."""
@@ -172,7 +172,7 @@ class Page:
         info, time = self._episode.info, self._episode.time
         self._errors.data = (columns[0] - time, *columns[1 : 1 + count])
         self._thrusts.data = (columns[0] - time, *columns[1 + count :])
-        speed = np.linalg.norm(self._episode.after.current)
+        speed = np.linalg.norm(self._episode.after["current"])
         state = "running" if self.running else "paused"
         self._status.content = (
             f"{state}, {time:.1f} s: pose error {100.0 * info['pose_error']:.1f} cm, water {speed:.2f} m/s, "
@@ -205,7 +205,7 @@ class Page:
         self._episode.change((np.array(self._gizmo.position), np.array(self._gizmo.wxyz)))
 
     def _restore(self) -> None:
-        """Give the controls the values that hold."""
+        """Set the controls to the episode's values."""
         episode = self._episode
         family, setting = split(episode.controller)
         self.controller.value, self.seed.value = family, str(episode.seed)
@@ -252,7 +252,6 @@ class Page:
 
 
 def _seed(text: str) -> int:
-    """Seed of a text."""
     if not re.fullmatch("[0-9]{1,20}", text.strip()):
         raise ValueError(f"seed is {text!r}, but must be a whole number from 0 to {MOST_SEED}")
     return int(text)

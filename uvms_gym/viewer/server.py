@@ -1,4 +1,4 @@
-"""Server of the page, on the loopback address alone, and the loop that steps the episode for it."""
+"""Server of the page, on the loopback address only, and the loop that steps the episode for it."""
 
 import contextlib
 import io
@@ -31,8 +31,8 @@ class _LocalServer(viser.ViserServer):  # type: ignore[misc,unused-ignore]
 class Viewer:
     """Browser view of one episode.
 
-    `title`: first line of the page. `port`: port of the server, 1 to 65535. `say`: called with a line where a browser
-    comes or goes.
+    `title` is the first line of the page, `port` from 1 to 65535; `say` is called with a line when a browser connects
+    or leaves.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Triangle meshes of the moving bodies, from the scene's `vehicle.shape`, thrusters and arm: for pictures alone."""
+"""Triangle meshes of the moving bodies, from the scene's `vehicle.shape`, thrusters and arm: for pictures only."""
 
 import math
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ def vehicle_glb(scene: dict[str, Any]) -> bytes:
 def link_glbs(scene: dict[str, Any], poses: NDArray[np.float64], tip: NDArray[np.float64]) -> list[bytes]:
     """Links of the arm, each in the frame of its joint, as GLB files.
 
-    `poses` (n + 1, 4, 4): poses of the moving bodies at home. `tip` (4, 4): pose of the end effector at home.
+    `poses` (n + 1, 4, 4) are the poses of the moving bodies at home, `tip` (4, 4) is the pose of the end effector.
     """
     arm = scene.get("arm")
     if arm is None:
@@ -118,7 +118,7 @@ def _link_radius(body: dict[str, Any], length: float, total: float) -> float:
 
 
 def _glb(parts: list[trimesh.Trimesh]) -> bytes:
-    """GLB file of parts, those of one colour as one mesh."""
+    """GLB file of parts; parts of one colour are one mesh."""
     colours = sorted({part.metadata["colour"] for part in parts})
     scene = trimesh.Scene()
     for colour in colours:
@@ -235,7 +235,6 @@ def _lattice(half: Vector, coat: tuple[int, ...]) -> list[trimesh.Trimesh]:
 
 
 def _duct(position: Vector, axis: Vector, radius: float) -> list[trimesh.Trimesh]:
-    """Ducted propeller."""
     half = 0.55 * radius
     frame = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), axis)
     frame[:3, 3] = position

@@ -8,8 +8,8 @@ import viser.transforms
 from numpy.typing import NDArray
 
 from uvms_gym import Renderer, Simulator
-from uvms_gym._rotations import unit
-from uvms_gym.viewer.episode import Frame, Target
+from uvms_gym.envs.rendering import Shot, between
+from uvms_gym.viewer.episode import Target
 from uvms_gym.viewer.shapes import dock_glb, link_glbs, payload_radius, vehicle_glb, vehicle_size
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ _NARROW = 576
 class World:
     """Objects of one scene on a server, under one frame.
 
-    `gizmo`: handles of the target. `follow`: True where the frame moves so that the vehicle stays at the origin.
+    `gizmo` are the handles of the target; with `follow` the frame moves so that the vehicle stays at the origin.
     """
 
     def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target, dock: bool = False) -> None:
@@ -93,31 +93,30 @@ class World:
         self._vehicle, self._distance = target[0], 0.75 * renderer.distance
         self.place_camera(server.initial_camera)
 
-    def show(self, before: Frame, after: Frame, share: float) -> None:
-        """Draw the state between two frames; `share` is 0 at the first and 1 at the second."""
-        positions = _blend(before.poses[:, :3, 3], after.poses[:, :3, 3], share)
-        rotations = _blend_rotations(before.poses[:, :3, :3], after.poses[:, :3, :3], share)
+    def show(self, before: Shot, after: Shot, share: float) -> None:
+        """Draw the state between two control instants; `share` is 0 at the first and 1 at the second."""
+        now = between(before, after, share)
+        positions, rotations = now["poses"][:, :3, 3], _quaternions(now["poses"])
         for body, position, wxyz in zip(self._bodies, positions, rotations):
             body.position, body.wxyz = position, wxyz
         self._tip.position, self._tip.wxyz = positions[-1], rotations[-1]
         self._vehicle = positions[0]
         self._world.position = -positions[0] if self.follow else np.zeros(3)
         if self._places.size:
-            jets = self._jets * (after.thrust / self._limits)[:, None]
+            jets = self._jets * (now["thrust"] / self._limits)[:, None]
             self._thrust.points = np.stack([self._places, self._places + jets], axis=1).astype(np.float32)
         start = positions[0] + self._above
-        current = _blend(before.current, after.current, share)
-        self._current.points = np.stack([start, start + self._arrow * current])[None].astype(np.float32)
-        self._show_aim(before, after, share)
-        if (visible := after.payload > 0.0) != self._payload.visible:
+        self._current.points = np.stack([start, start + self._arrow * now["current"]])[None].astype(np.float32)
+        self._show_aim(now["aim"], now["path"])
+        if (visible := now["payload"] > 0.0) != self._payload.visible:
             self._payload.visible = visible
-        if visible and self._payload.scale != (radius := payload_radius(after.payload)):
+        if visible and self._payload.scale != (radius := payload_radius(now["payload"])):
             self._payload.scale = radius
 
     def place_camera(self, camera: viser.InitialCameraConfig | viser.CameraHandle, width: int = 1280) -> None:
         """Look at the vehicle from the side of the software renderer's pictures, beside or above the controls.
 
-        `camera`: camera of coming browsers, or of one that is open. `width`: width of the browser's picture, px.
+        `camera` belongs to coming browsers or to an open one; `width` is the width of the browser's picture, px.
         """
         azimuth, elevation = -0.95, 0.32
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -130,29 +129,20 @@ class World:
         camera.position = tuple(look_at + distance * away)
         camera.look_at = tuple(look_at)
 
-    def _show_aim(self, before: Frame, after: Frame, share: float) -> None:
-        """Brackets or the dock at the vehicle's pose to be, or axes and path of the end effector's."""
-        tracks = len(after.path) > 0
+    def _show_aim(self, aim: Floats, path: Floats) -> None:
+        """Brackets or the dock at the vehicle's desired pose, or axes and path of the end effector's."""
+        tracks = len(path) > 0
         shown, hidden = (self._axes, self._aim) if tracks else (self._aim, self._axes)
         if not shown.visible or hidden.visible:
             shown.visible, hidden.visible = True, False
-        aim = np.stack([before.aim, after.aim])
-        shown.position = _blend(aim[0, :3, 3], aim[1, :3, 3], share)
-        shown.wxyz = _blend_rotations(aim[:1, :3, :3], aim[1:, :3, :3], share)[0]
-        if tracks and not np.array_equal(after.path, self._drawn_path):
-            self._drawn_path = after.path
-            self._path.points = np.stack([after.path[:-1], after.path[1:]], axis=1).astype(np.float32)
+        shown.position, shown.wxyz = aim[:3, 3], _quaternions(aim)
+        if tracks and not np.array_equal(path, self._drawn_path):
+            self._drawn_path = path
+            self._path.points = np.stack([path[:-1], path[1:]], axis=1).astype(np.float32)
 
 
-def _blend(a: Floats, b: Floats, share: float) -> Floats:
-    return np.asarray((1.0 - share) * a + share * b)
-
-
-def _blend_rotations(a: Floats, b: Floats, share: float) -> Floats:
-    """Unit quaternions (k, 4) between rotation matrices (k, 3, 3): normalised linear interpolation."""
-    p, q = (viser.transforms.SO3.from_matrix(rotations).wxyz for rotations in (a, b))
-    q = np.where(np.sum(p * q, axis=-1, keepdims=True) < 0.0, -q, q)
-    return unit(_blend(p, q, share))
+def _quaternions(poses: Floats) -> Floats:
+    return np.asarray(viser.transforms.SO3.from_matrix(poses[..., :3, :3]).wxyz)
 
 
 def _brackets(centre: Floats, size: Floats) -> NDArray[np.float32]:

@@ -12,14 +12,14 @@ A configuration is certified where 95 % of the episodes of every drive are withi
 `STABILITY_MARGIN` times smaller than the maximum stable one, no step warning occurs, and 95 % of the episodes end at
 the same step. The limits are far below anything that a simulation is used for:
 
-- 1 mm and 1 mrad: a fifth of the noise of position and attitude, half that of joints, and a fiftieth and a hundredth of
-  the default tolerance of a reached pose. A model's coefficients are uncertain by far more. Episodes run open
-  loop here; in a closed loop the controller corrects most of such an error.
-- 0.1 of the noise: noise and error together deviate 0.5 % more than noise alone. No filter or policy tells them apart.
+- 1 mm and 1 mrad: a fifth of the noise of position and attitude, half the joints' noise, and a fiftieth and a hundredth
+  of the default tolerance of a reached pose. A model's coefficients are uncertain by far more. Episodes run open loop
+  here; in a closed loop the controller corrects most of such an error.
+- 0.1 of the noise: noise and error together deviate 0.5 % more than the noise. No filter or policy sees a difference.
 - 0.001 of the spread: a comparison resolves this difference with a million episodes.
 
 Entries without noise (references, previous action) have no unit in that sense and are left out. So is the integral of
-the errors: white noise averages out in it, so its noise is small, and its error is that of the pose, judged itself.
+the errors: white noise averages out in it, so its noise is small, and its error follows from the pose, which is judged.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ from uvms_gym.studies.accuracy.work_precision import PRECISIONS, STABILITY_MARGI
 from uvms_gym.studies.numerics import Floats, state_errors
 from uvms_gym.studies.progress import tracked
 
-#: Candidate steps, s; those that divide the control period are taken.
+#: Candidate steps, s; those that divide the control period are used.
 STEPS = (0.001, 0.002, 0.005, 0.01, 0.0125, 0.02, 0.025, 0.05)
 #: Integrators in question beside the environment's own.
 INTEGRATORS = ("ros2",)
@@ -195,7 +195,7 @@ def recommend(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{"integrator": name, "dtype": dtype, "step": step} for (name, dtype), step in steps.items()]
 
 
-#: Statistic of the episodes that the limits hold for.
+#: Statistic of the episodes that is compared with the limits.
 _KEY = "p95"
 
 

@@ -49,7 +49,7 @@ def drifts(
     """Maximum relative drifts by every setting: of energy, and of impulse over the sum of |momentum| at the start.
 
     Each is the maximum over the whole seconds of a run; median and worst of the ensemble. Impulse is left out where
-    the vehicle is held: it is not conserved then.
+    the vehicle is fixed: it is not conserved then.
     """
     still = conservative(scene)
     state = _start(still, episodes, seed)

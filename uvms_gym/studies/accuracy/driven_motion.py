@@ -1,9 +1,9 @@
 """Driven motion of the accuracy study: tracking work in a current, the same for every method and step.
 
-A vehicle in a steady current is driven by wrenches while its arm follows a reference. Wrenches are held and references
-are cubics over control periods of 0.1 s, whatever the step, so every step divides the intervals on which the drive is
-smooth. The references are C2 splines and the study starts amid the motion: a servo released away from its equilibrium
-rings at the arm's fastest rates, and this ringing would dominate all errors.
+A vehicle in a steady current is driven by wrenches while its arm follows a reference. Wrenches are constant and
+references are cubics over control periods of 0.1 s, whatever the step, so every step divides the intervals on which the
+drive is smooth. The references are C2 splines and the study starts amid the motion: a servo released away from its
+equilibrium rings at the arm's fastest rates, and this ringing would dominate all errors.
 """
 
 import math
@@ -16,7 +16,7 @@ from uvms_gym import Simulator, StepWarning
 from uvms_gym.logs.interpolation import hermite
 from uvms_gym.studies.numerics import Floats, joints
 
-#: Control period, s: wrenches are held over it, and joint references are one cubic.
+#: Control period, s: wrenches are constant over it, and joint references are one cubic.
 PERIOD = 0.1
 #: Duration of the motion before the study starts, and its step, s.
 LEAD, LEAD_STEP = 3.0, 1e-3
@@ -24,7 +24,7 @@ LEAD, LEAD_STEP = 3.0, 1e-3
 CURRENT, CURRENT_TILT = 0.3, 0.25
 #: Maximum tilt and maximum speeds at the start of the lead, rad, m/s and rad/s.
 TILT, SPEED, SPIN = 0.3, 0.2, 0.2
-#: Maximum accelerations by the wrenches alone, m/s^2 and rad/s^2.
+#: Maximum accelerations by the wrenches, m/s^2 and rad/s^2.
 PUSH, TWIST = 0.2, 0.3
 #: A drive is two sinusoids: bands of frequency, Hz, of wrenches and joints, and share of each in the maximum value.
 WRENCH_BANDS, JOINT_BANDS, SHARES = ((0.05, 0.1), (0.1, 0.2)), ((0.1, 0.15), (0.15, 0.3)), (0.7, 0.3)

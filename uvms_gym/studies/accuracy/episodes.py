@@ -19,7 +19,7 @@ from uvms_gym.envs import Block, TaskVectorEnv
 from uvms_gym.studies.numerics import Floats
 
 Options = Mapping[str, Any]
-#: Name of the drive by uniformly distributed actions; the others have those of their controllers.
+#: Name of the drive by uniformly distributed actions; the others are named by their controllers.
 RANDOM = "random"
 
 
@@ -117,7 +117,7 @@ def record(
 ) -> Recording:
     """Run the first episode of every instance.
 
-    `configuration`: its step divides the control period. `drive` (T, N, a): actions, the controller in the loop that
+    The step of `configuration` divides the control period. `drive` are actions (T, N, a), a controller in the loop that
     gives them, or None for random ones.
     """
     count = round(about.period / configuration.step)
@@ -164,7 +164,7 @@ def noise_deviation(case: Case, about: Frame, actions: NDArray[np.float32]) -> F
     """Standard deviation (d,) of the sensor noise in every entry of an observation; 0 for entries without noise.
 
     It is measured: the same episodes with and without noise differ in nothing else. The noise is the environment's own,
-    or that of the component `noise` by default where the environment has none.
+    or the default of the component `noise` where the environment has none.
     """
     given = case.options.get("disturbance", gymnasium.registry[case.env].kwargs.get("disturbance"))
     if given is None:

@@ -14,33 +14,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class Style(NamedTuple):
-    """Line style of an integrator."""
-
-    colour: str
-    marker: str
-    label: str
-
-
 class Line(NamedTuple):
-    """Line of an integrator in a precision: rows of the study, colour, label, and settings of matplotlib."""
+    """Line of an integrator in a precision: rows of the study, label, and settings of matplotlib."""
 
     integrator: str
     precision: str
     rows: list[Any]
-    colour: str
     label: str
     settings: dict[str, Any]
 
 
-#: Integrators in figures; tables have them all. Methods with coincident lines are left out.
+#: Colour, marker and label of integrators in figures; tables have them all. Methods with coincident lines are left out.
 STYLES = {
-    "mk4": Style(BLUE, "o", "MK4"),
-    "mk54": Style(GREEN, "D", "MK5(4) by tolerance"),
-    "ros2": Style(ORANGE, "s", "linearly implicit"),
-    "mk2": Style(PURPLE, "^", "MK2"),
-    "semi-implicit-euler": Style(VERMILION, "v", "semi-implicit Euler"),
-    "lagged-added-mass": Style(BLACK, "x", "added mass lagged"),
+    "mk4": (BLUE, "o", "MK4"),
+    "mk54": (GREEN, "D", "MK5(4) by tolerance"),
+    "ros2": (ORANGE, "s", "linearly implicit"),
+    "mk2": (PURPLE, "^", "MK2"),
+    "semi-implicit-euler": (VERMILION, "v", "semi-implicit Euler"),
+    "lagged-added-mass": (BLACK, "x", "added mass lagged"),
 }
 
 
@@ -91,9 +82,11 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         valid = [row for row in line.rows if row["end_effector"]["median"] < DIVERGED]
         timed = [row["cost"] * row["step"] for row in line.rows if np.isfinite(row["cost"])]
         if line.precision == "f64" and timed:
-            # Runs that are not finite are not timed: their steps cost as much as the others'.
+            # Runs that are not finite are not timed: their steps cost the same as the others.
             per_step = float(np.median(timed))
-            diverged += [(1e-3 * per_step / row["step"], line.colour) for row in line.rows if row not in valid]
+            diverged += [
+                (1e-3 * per_step / row["step"], line.settings["color"]) for row in line.rows if row not in valid
+            ]
         valid = [row for row in valid if np.isfinite(row["cost"])]
         if not valid:
             continue
@@ -103,7 +96,7 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         weight: Any = {"linewidth": 2.4 if main else 1.4, "zorder": 3 if line.integrator == "mk4" else 2}
         axes.plot(costs, errors, markersize=5.5 if large else 3.5, **weight, **line.settings)
         last = int(np.argmax(costs))
-        ends.append((costs[last], errors[last], line.label, line.colour))
+        ends.append((costs[last], errors[last], line.label, line.settings["color"]))
         if large and main:
             _annotate_steps(axes, valid)
     floor = FLOOR * result["reference"]["uncertainty"]["end_effector"]["median"]
@@ -135,16 +128,10 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
     for name, (colour, marker, label) in STYLES.items():
         for precision in ("f64", "f32") if name == "mk4" else ("f64",):
             single = precision == "f32"
-            style = {"linestyle": "--" if single else "-", "markerfacecolor": "white" if single else colour}
-            settings = style | {"marker": marker, "color": colour}
-            yield Line(
-                name,
-                precision,
-                methods.get((name, precision), []),
-                colour,
-                label + (" f32" if single else ""),
-                settings,
-            )
+            settings = {"marker": marker, "color": colour}
+            settings |= {"linestyle": "--" if single else "-", "markerfacecolor": "white" if single else colour}
+            rows_of = methods.get((name, precision), [])
+            yield Line(name, precision, rows_of, label + (" f32" if single else ""), settings)
 
 
 def _annotate_steps(axes: "Axes", rows: Sequence[Mapping[str, Any]]) -> None:

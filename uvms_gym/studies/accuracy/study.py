@@ -78,7 +78,7 @@ def criteria(results: Mapping[str, Any], seconds: float) -> list[Criterion]:
                 found.append(Criterion(what, f"{error:.1e} m", f"{bound:g} m", error < bound))
         comparison = result["comparison"]
         if comparison is not None and name == SCENE and seconds == TIME:
-            what = f"{name}: error of {BASELINE} at equal cost over that of MK4 at {STEP:g} s"
+            what = f"{name}: error of {BASELINE} at equal cost over the error of MK4 at {STEP:g} s"
             ratio = comparison["ratio"]
             found.append(Criterion(what, f"{ratio:.2g}", f"{MIN_RATIO:g}", ratio > MIN_RATIO))
     known = work_precision.integrators()

@@ -2,7 +2,7 @@
 
 Every run either meets its error bound or emits a `uvms_gym.StepWarning` before or as it fails. `case` defines cases,
 runs and errors; `spinning`, `water`, `arms`, `contact`, `secular`, `oscillations`, `accumulation` and
-`rotors` hold the cases; `reference_solutions` has closed forms; `study` runs all, and `plots` draws them.
+`rotors` contain the cases; `reference_solutions` has closed forms; `study` runs all, and `plots` draws them.
 """
 
 from uvms_gym.studies.hard_cases import accumulation, arms, contact, oscillations, rotors, secular, spinning, water

@@ -198,7 +198,7 @@ IDEAL = (
 )
 
 
-# Pendulums: a link on a held vehicle, I q'' = -m g l sin q - d q'.
+# Pendulums: a link on a fixed vehicle, I q'' = -m g l sin q - d q'.
 PENDULUM = {"mass": 2.0, "com": 0.3, "inertia": 0.05}
 
 

@@ -175,7 +175,7 @@ def _stiff_reference() -> Reference:
 
 STIFF_DAMPING = Case(
     name="stiff damping of a light link",
-    description="a held vehicle's light link, pushed against damping of rate 1000/s, 1 s: joint every 0.1 s",
+    description="a fixed vehicle's light link, pushed against damping of rate 1000/s, 1 s: joint every 0.1 s",
     run=_run_stiff,
     reference=_stiff_reference,
     steps={1: 0.0005},

@@ -94,7 +94,7 @@ class CaseRunner:
         )
 
     def advance(self, simulator: Simulator, time: float, **inputs: Any) -> None:
-        """Step for `time` seconds under held inputs."""
+        """Step for `time` seconds under constant inputs."""
         steps = round(time / self.step)
         if not math.isclose(steps * self.step, time, rel_tol=1e-9):
             raise ValueError(f"a step of {self.step:g} s does not divide {time:g} s")
@@ -128,14 +128,14 @@ class Case:
     description: str
     run: Callable[[CaseRunner], Quantities]
     reference: Callable[[], Reference]
-    #: Recommended step by order, s: a method takes that of the maximum order not above its own, at which its theory
+    #: Recommended step by order, s: a method uses the step of the maximum order not above its own, at which its theory
     #: predicts an error within the bound.
     steps: Mapping[int, float]
     #: Time that every step divides, s.
     interval: float
-    #: Recommended step of linearly implicit methods by order, s, if different from that of their order.
+    #: Recommended step of linearly implicit methods by order, s, if different from the step of their order.
     implicit_steps: Mapping[int, float] = field(default_factory=dict)
-    #: Maximum order on this motion: forces with kinks or jumps within a step reduce that of any method.
+    #: Maximum order on this motion: forces with kinks or jumps within a step reduce the order of any method.
     smoothness: int = 4
     #: Reason for unusual bounds or steps.
     reason: str = ""
@@ -228,13 +228,13 @@ def errors(values: Quantities, reference: Quantities) -> dict[str, float]:
     Infinite where a value is not finite.
     """
     if values.keys() != reference.keys():
-        raise ValueError(f"quantities {list(values)} are not those of the reference, {list(reference)}")
+        raise ValueError(f"quantities {list(values)} differ from the reference's, {list(reference)}")
     return {name: _error(values[name], reference[name]) for name in reference}
 
 
 def _error(value: Floats, reference: Floats) -> float:
     if value.shape != reference.shape:
-        raise ValueError(f"shape {value.shape} is not that of the reference, {reference.shape}")
+        raise ValueError(f"shape {value.shape} differs from the reference's, {reference.shape}")
     if not np.isfinite(value).all():
         return math.inf
     difference, magnitude = (

@@ -48,7 +48,7 @@ def _stop_reference() -> Reference:
     inertia, k, c, v0, limit, start = STOP.values()
 
     def half_depth_squared(v: Floats) -> Floats:
-        # log1p keeps its digits where v is near v0.
+        # log1p is accurate where v is near v0.
         return -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
 
     v1 = float(brentq(half_depth_squared, -k / c * (1.0 - 1e-12), 0.0, xtol=1e-15))

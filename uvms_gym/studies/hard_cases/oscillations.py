@@ -30,9 +30,9 @@ def _hinged(name: str, mass: float, inertia: float, com: float, fixed: bool) -> 
     return with_arm(scene, link("link", body, 1), fixed=fixed)
 
 
-# An undamped pendulum of 22 rad/s: a neutrally buoyant link on the centre of mass of a vehicle, free or held, whose
+# An undamped pendulum of 22 rad/s: a neutrally buoyant link on the centre of mass of a vehicle, free or fixed, whose
 # weight and buoyancy make a couple. The vehicle does not rotate, and both together stay: q'' = -m g l / I sin q with
-# I = I_c + mu l^2, mu the reduced mass of both, or m with a held vehicle.
+# I = I_c + mu l^2, mu the reduced mass of both, or m with a fixed vehicle.
 JOINT = {"vehicle": 2.0, "mass": 0.5, "com": 0.012, "rate": 22.0}
 JOINT_STARTS = np.array([0.1, 2.5])
 JOINT_TIMES = instants(0.25, 40)
@@ -77,7 +77,7 @@ def _joint_reference() -> Reference:
 
 UNDAMPED_JOINT = Case(
     name="undamped joint of 22 rad/s",
-    description="a pendulum joint on a held and on a free vehicle, amplitudes 0.1 and 2.5 rad, 10 s: joint, position",
+    description="a pendulum joint on a fixed and on a free vehicle, amplitudes 0.1 and 2.5 rad, 10 s: joint, position",
     run=_run_joint,
     reference=_joint_reference,
     steps={4: 0.0005, 2: 0.000125, 1: 1e-5},
@@ -88,7 +88,7 @@ UNDAMPED_JOINT = Case(
 )
 
 
-# A rotor, off balance, on a held vehicle, under gravity: q'^2 = W^2 - 2 w^2 (1 - cos q), so q/2 = am(W t/2, (2 w/W)^2).
+# A rotor off balance on a fixed vehicle, under gravity: q'^2 = W^2 - 2 w^2 (1 - cos q), so q/2 = am(W t/2, (2 w/W)^2).
 ROTOR = {"mass": 0.5, "com": 0.012, "rate": 22.0, "speed": 300.0}
 ROTOR_TIMES = instants(0.5, 40)
 
@@ -108,7 +108,7 @@ def _rotor_reference() -> Reference:
 
 ROTOR_CASE = Case(
     name="rotor at 300 rad/s",
-    description="a rotor off balance on a held vehicle, under gravity, 20 s: 955 revolutions, joint every 0.5 s",
+    description="a rotor off balance on a fixed vehicle, under gravity, 20 s: 955 revolutions, joint every 0.5 s",
     run=motion(_rotor_scene, ROTOR_TIMES, ["q", "q'"], qd=[ROTOR["speed"]]),
     reference=_rotor_reference,
     steps={4: 0.0005, 3: 0.0002, 2: 0.0001, 1: 2e-5},
@@ -162,7 +162,7 @@ RESONANCE_CASE = Case(
 
 
 # A stiff mode beside an undamped one: a link slides on a spring of 5 rad/s, and across it a second link against damping
-# of rate 1000/s. Held vehicle; at right angles neither acts on the other.
+# of rate 1000/s. The vehicle is fixed; at right angles neither acts on the other.
 STIFF_PAIR = {"rate": 5.0, "start": 0.3, "fast": 1000.0, "slow": 2.0, "target": 0.2}
 STIFF_PAIR_MASSES = (2.0, 0.5)
 STIFF_PAIR_TIMES = instants(0.5, 40)
@@ -204,7 +204,7 @@ STIFF_AND_UNDAMPED = Case(
     steps={2: 0.0005, 1: 2e-5},
     implicit_steps={2: 0.00125},
     interval=0.5,
-    reason="explicit methods need steps below the time constant of 1 ms; linearly implicit ones err in the oscillation",
+    reason="explicit methods need steps below the time constant of 1 ms; the oscillation limits linearly implicit ones",
 )
 
 

@@ -88,7 +88,7 @@ def precession(transverse: float, axial: float, rate: Floats, times: Floats, rot
     """Attitudes (k, 3, 3) and angular velocities (k, 3) of a body with two equal moments and a rotor about its axis z.
 
     It precesses about the angular momentum H at |H| / `transverse`, and rotates about z at w_3 - H_3 / `transverse`;
-    `rotor` is the constant angular momentum of the rotor, added to that of the body's `rate` (3,).
+    `rotor` is the constant angular momentum of the rotor beside the body, which rotates at `rate` (3,).
     """
     inertia, spin, z = np.array([transverse, transverse, axial]), np.array([0.0, 0.0, rotor]), np.eye(3)[2]
     momentum = inertia * rate + spin
@@ -124,7 +124,8 @@ def force_free_motion(inertia: Floats, twist: Floats, times: Floats, tolerance: 
     `[R^T p; R^T (l - x x p)]`, and the pose follows the twist. Only quaternion and position are integrated; unlike the
     kernel's, this formulation has no accelerations.
 
-    `twist` (6,): [linear; angular] at the start, body axes. `times` (k,): ascending, s. `tolerance`: see `solve`.
+    `twist` (6,) is [linear; angular] at the start, body axes; `times` (k,) are ascending, s; see `solve` for
+    `tolerance`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Cases of errors that add up: long motions of which each step errs little; one body, or a vehicle with a rotor."""
+"""Cases of errors that add up: long motions with small errors in each step; one body, or a vehicle with a rotor."""
 
 import math
 from functools import cache

@@ -47,7 +47,7 @@ TUMBLE = Top(np.array([1.0, 2.0, 2.6]), 20.0 * np.array([0.7, 0.5, -0.6]) / math
 
 
 def top_case(name: str, description: str, scene: str, top: Top, times: Floats, **options: Any) -> Case:
-    """Make the case of a free body; `options` are those of `Case`."""
+    """Make the case of a free body; `options` are fields of `Case`."""
     run = motion(_free(scene, top.inertia), times, ["attitude", "rate"], twist=[0.0, 0.0, 0.0, *top.spin])
 
     @cache
@@ -117,7 +117,7 @@ LARGE_TURN = Case(
 
 
 # The same spin, nearly one revolution in 0.1 s, of a body in straight flight: in body axes its velocity rotates as
-# fast. Substeps keep the attitude accurate, and orders 3 and above stable, but not this velocity.
+# fast. With substeps the attitude is accurate, and orders 3 and above are stable, but not this velocity.
 WHIRL_RATE = 2.0 * math.pi / TURN_STEP * 0.999
 
 

@@ -49,7 +49,7 @@ class Coverage:
 
     #: Parameters.
     keys: tuple[str, ...]
-    #: (F, p) True where the interval holds the truth.
+    #: (F, p) True where the interval contains the truth.
     inside: np.ndarray[Any, np.dtype[np.bool_]]
     #: (F, p) variance as a share of the prior's.
     shares: np.ndarray[Any, np.dtype[np.float64]]
@@ -58,17 +58,17 @@ class Coverage:
 
     @property
     def by_key(self) -> dict[str, float]:
-        """Share of fits whose interval holds the truth."""
+        """Share of fits whose interval contains the truth."""
         return dict(zip(self.keys, self.inside.mean(axis=0).tolist()))
 
     @property
     def open_by_key(self) -> dict[str, float]:
-        """Share of fits that say that the data leave the parameter open."""
+        """Share of fits that report the parameter as not determined by the data."""
         return dict(zip(self.keys, (self.shares > UNDETERMINED).mean(axis=0).tolist()))
 
     @property
     def overall(self) -> float:
-        """Share of all intervals of parameters that the fit calls determined that hold the truth."""
+        """Share of intervals that contain the truth, of all parameters that the fit calls determined."""
         return float(self.inside[self.shares <= UNDETERMINED].mean())
 
 
@@ -84,7 +84,7 @@ def coverage(
     """Fit synthetic logs of random truths, with the noise, rates and lags of the pool data set.
 
     Every fit has its own logs, with trials of `duration` s; fit i has the seed (`seed`, i). `truth` are the free
-    numbers, with the deviation of their true values from those of `scene`.
+    numbers, with the deviation of their true values from the scene's.
     """
     loaded = load_scene(scene)
     # (The map of these logs corrects nothing: a lag of 0 to start from would be far off.)

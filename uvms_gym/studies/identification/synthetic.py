@@ -22,7 +22,7 @@ SUBSTEPS = 2
 
 
 class Sensors(NamedTuple):
-    """Noise and lags; the defaults are those of the pool data set."""
+    """Noise and lags; the defaults describe the pool data set."""
 
     #: White noise of roll, pitch and yaw, and standard deviation of an error that changes slowly, deg.
     attitude_noise: float = 0.03
@@ -122,7 +122,7 @@ def synthetic_log(
 
 
 def _commands(simulator: Simulator, periods: int, rng: np.random.Generator) -> Floats:
-    """(periods, thrusters) commands: random wrenches, each held for 1 to 3 s."""
+    """(periods, thrusters) commands: random wrenches, each constant for 1 to 3 s."""
     commands = np.empty((periods, simulator.num_thrusters))
     B = simulator.thruster_configuration
     k = 0
@@ -143,7 +143,6 @@ def _log(
     motion: tuple[Floats, Floats, Floats],
     rng: np.random.Generator,
 ) -> Log:
-    """Log of what sensors tell of a motion."""
     quaternion, velocity, position = motion
     count = len(position)
     time = PERIOD * np.arange(count, dtype=np.float64)

@@ -32,7 +32,7 @@ def target(home: Floats, time: float) -> tuple[Floats, Floats]:
 
 
 def case_scene(case: str) -> dict[str, Any]:
-    """PETASUS-PUM, with the vehicle held for the ideal end effector."""
+    """PETASUS-PUM, with the vehicle fixed for the ideal end effector."""
     scene: dict[str, Any] = load_scene("petasus-pum")
     if case == "vehicle held":
         scene["vehicle"]["fixed"] = True
@@ -66,7 +66,7 @@ def follow(case: str) -> dict[str, Any]:
 def arm_motion() -> dict[str, Any]:
     """Run all cases.
 
-    Numbers are relative to each case's start; those of the end effector are relative to the held vehicle's.
+    Numbers are relative to each case's start; for the end effector they are relative to the fixed vehicle's.
     """
     cases = {case: follow(case) for case in CASES}
     ideal = cases["vehicle held"]["end_effector"]

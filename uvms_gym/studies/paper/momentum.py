@@ -44,7 +44,7 @@ def conservative_scene(wet: bool) -> dict[str, Any]:
     simulator = Simulator(scene, error_estimate=False)
     simulator.set_state(q=CENTRE)
     mass = simulator.mass_matrix()[0]
-    # Geometric mean of the joint-space inertia with all other joints held and with all others free.
+    # Geometric mean of the joint-space inertia with all other joints fixed and with all others free.
     inertias = np.sqrt(np.diag(mass) / np.diag(np.linalg.inv(mass)))[6:]
     for link, inertia in zip(links, inertias, strict=True):
         link["joint"]["servo"] = {"kp": BANDWIDTH**2 * float(inertia), "kd": 2.0 * BANDWIDTH * float(inertia)}

@@ -108,7 +108,7 @@ def plot_vehicle_motion(path: Path, title: str, columns: Mapping[str, Any]) -> N
 
 
 def plot_end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> None:
-    """End effector in the world, and its distance from that on a held vehicle, as in fig. 7."""
+    """End effector in the world, and its distance from the end effector of a fixed vehicle, as in fig. 7."""
     styles = {"uncontrolled": (VERMILION, "-"), "PD-controlled": (BLUE, "-"), "vehicle held": (BLACK, "--")}
     ideal = cases["vehicle held"]["end_effector"]
     with picture(path, 8.0, 7.6) as figure:
@@ -127,7 +127,7 @@ def plot_end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> Non
 
 
 def _three(axes: "Axes", time: Any, values: Any, names: Sequence[str]) -> None:
-    # Curves may coincide: dashes keep the lower one visible.
+    # Curves may coincide: dashes leave the lower one visible.
     for k, (name, colour, line) in enumerate(zip(names, (BLUE, ORANGE, VERMILION), ("-", "--", "-."), strict=True)):
         axes.plot(time, values[:, k], line, color=colour, label=name)
     legend_above(axes)

@@ -1,4 +1,4 @@
-"""Derivatives beside those of MuJoCo and Pinocchio: of a step, and of accelerations, on one thread."""
+"""Derivatives beside MuJoCo's and Pinocchio's: of a step, and of accelerations, on one thread."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy as np
 from uvms_gym import Simulator
 from uvms_gym.studies.speed.physics import DT, start
 from uvms_gym.studies.speed.rigid_chain import dry
-from uvms_gym.studies.speed.timing import Case, calls_per_sample, interleave, summary
+from uvms_gym.studies.speed.timing import Case, interleave, summary
 
 #: Steps of a call of ours, where it is not one.
 STEPS = 10
@@ -28,14 +28,14 @@ CASES: dict[str, tuple[str, str]] = {
 
 #: Scope of the derivatives, for reports.
 SCOPE = """\
-Derivatives of a step are those of the state after it by the state before and by thrusts (dry: a wrench) and joint \
+Derivatives of a step differentiate the state after it by the state before and by thrusts (dry: a wrench) and joint \
 torques; MuJoCo's by thrusts and joint targets. Euler is semi-implicit. Ours are exact to rounding, MuJoCo's finite \
-differences. computeABADerivatives gives the exact derivatives of accelerations alone, by configuration, velocity and \
-force: a step of fourth order takes four, and the products between them, which are not timed."""
+differences. computeABADerivatives gives the exact derivatives of accelerations only, by configuration, velocity and \
+force: a step of fourth order needs four, and the products between them, which are not timed."""
 
 
 class Jacobians(Case):
-    """Derivatives of the steps of a moving instance by one call from Python; a unit of work is those of one step."""
+    """Derivatives of the steps of a moving instance by one call from Python; a unit of work is one step."""
 
     def __init__(self, scene: dict[str, Any], integrator: str, steps: int, seed: int) -> None:
         self.work = steps
@@ -46,7 +46,6 @@ class Jacobians(Case):
         if not scene["water"]["density"]:
             self.inputs["wrench"] = np.zeros(6)
             self.inputs.pop("thrust", None)
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""

@@ -13,7 +13,7 @@ from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.speed.physics import THRUST, assert_finite
-from uvms_gym.studies.speed.timing import Case, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Case, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
 #: Physics steps of 0.01 s per control step.
@@ -42,7 +42,6 @@ class VectorEnv(Case):
         self.last: tuple[NDArray[Any], ...] = ()
         self.env.reset(seed=seed)
         _stagger(self.env, rng, self.step)
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One control step of all instances."""
@@ -56,7 +55,7 @@ class VectorEnv(Case):
 
 
 class Physics(Case):
-    """The same substeps by the simulator alone, under inputs like the environment's.
+    """The same substeps by the simulator only, under inputs like the environment's.
 
     A unit of work is `SUBSTEPS` steps of an instance, with `substeps` per call.
     """
@@ -72,7 +71,6 @@ class Physics(Case):
             cubic = np.zeros((n, simulator.num_joints, 4))
             cubic[..., 0], cubic[..., 1:] = simulator.q, 1e-6
             self.inputs["joint_target"] = cubic
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""
@@ -88,7 +86,7 @@ def vector_study(
 ) -> list[dict[str, Any]]:
     """Time of the vector environment and of the physics of the same substeps, interleaved.
 
-    `physics` is a call of `Simulator.step` with its inputs; `physics_alone` is the cost of as many more substeps in it.
+    `physics` is a call of `Simulator.step` with its inputs; `physics_alone` is the cost of as many additional substeps.
     """
     cases: dict[Any, Any] = {}
     for dtype, count in product(dtypes, threads):

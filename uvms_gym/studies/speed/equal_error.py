@@ -13,14 +13,14 @@ from uvms_gym.studies.numerics import Floats, loglog_interpolation
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.speed.physics import DT, THRUST
 
-#: Initial states, held thrusts (N, m) and joint targets (n,).
+#: Initial states, constant thrusts (N, m) and joint targets (n,).
 Motions = tuple[list[dict[str, Floats]], Floats, Floats]
 
-#: Motions and their duration, s: vehicle with a random initial twist, held thrusts, arm held at home by its servos.
+#: Motions and their duration, s: vehicle with a random initial twist, constant thrusts, arm at home by its servos.
 MOTIONS, TIME = 8, 1.0
 #: Maximum speeds at the start, m/s and rad/s.
 SPEED, SPIN = 0.5, 0.5
-#: Steps of each integrator, s, and those of the references.
+#: Steps of each integrator, s, and of the references.
 LADDERS = {"RK4": (0.01, 0.005, 0.0025, 0.00125), "Euler": (1e-3, 1e-4, 1e-5), "implicitfast": (1e-3, 1e-4, 1e-5)}
 #: Steps of a quick study, s.
 QUICK_LADDERS = {"RK4": (0.01, 0.005), "Euler": (1e-3, 2.5e-4), "implicitfast": (1e-3, 2.5e-4)}
@@ -107,7 +107,7 @@ def _by_mujoco(scene: dict[str, Any], motions: Motions, integrator: str, step: f
     total = round(TIME / step)
     steps = min(total, CHUNK)
     model = mujoco_model.build(scene, integrator, step)
-    rolling = mujoco_model.Rolling(model, scene, n=MOTIONS, steps=steps, measured=False)
+    rolling = mujoco_model.Rolling(model, scene, n=MOTIONS, steps=steps)
     for row, state in zip(rolling.start, states, strict=True):
         rolling.put(row, state)
     rolling.command(thrust, home)

@@ -14,7 +14,7 @@ from mujoco.rollout import Rollout
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, TWIST
 from uvms_gym.studies.speed.rigid_chain import Link, chain
-from uvms_gym.studies.speed.timing import Case, calls_per_sample
+from uvms_gym.studies.speed.timing import Case
 
 VERSION = mujoco.__version__
 #: Dynamic viscosity of water, Pa s.
@@ -41,7 +41,7 @@ def build(
     """Make the model.
 
     `weight` is "none" (no gravity, as for a body that floats), "buoyant" (weight and, as `gravcomp`, buoyancy at the
-    centre of mass) or "full" (weight alone); `actuators` adds thrusters and servos.
+    centre of mass) or "full" (weight only); `actuators` adds thrusters and servos.
     """
     root = ET.Element("mujoco")
     ET.SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")
@@ -107,7 +107,7 @@ def _place(position: Floats, rotation: Floats) -> dict[str, str]:
 
 
 def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
-    """[V'; q''] in body axes, at a state as `Simulator.set_state` takes it.
+    """[V'; q''] in body axes, at a state with the names of `Simulator.set_state`.
 
     MuJoCo's free joint has its linear velocity in world axes: v = R^T v_w, v' = R^T v_w' - omega x v.
     """
@@ -142,7 +142,6 @@ class Rolling(Case):
         steps: int = STEPS,
         threads: int = 1,
         seed: int = 0,
-        measured: bool = True,
     ) -> None:
         rng = np.random.default_rng(seed)
         self.name, self.work, self.steps = scene["name"], n * steps, steps
@@ -162,16 +161,15 @@ class Rolling(Case):
         self.controls = np.zeros((n, steps, model.nu))
         if model.nu:
             self.command(THRUST * rng.uniform(low, high, (n, len(limits))), home)
-        self.calls = calls_per_sample(self.step) if measured else 1
 
     def put(self, row: Floats, state: dict[str, Floats]) -> None:
-        """Write a state, as `Simulator.set_state` takes it, into a row of starts: [time, positions, velocities]."""
+        """Write a state (arguments of `Simulator.set_state`) into a row of starts: [time, positions, velocities]."""
         positions, velocities = coordinates(state)
         row[:] = 0.0
         row[1 : 1 + len(positions) + len(velocities)] = np.concatenate([positions, velocities])
 
     def command(self, thrust: Floats, target: Floats) -> None:
-        """Hold thrusts (n, m) and joint targets (n,) or (n, joints): thrusters come first."""
+        """Set constant thrusts (n, m) and joint targets (n,) or (n, joints): thrusters come first."""
         model, thrusters = self.models[0], thrust.shape[1]
         driven = [i for i in range(model.nu) if model.actuator(i).name.startswith("servo")]
         others = [i for i in range(model.nu) if i not in driven]
@@ -211,7 +209,6 @@ class Transition(Case):
         self.data.qvel[:] = 0.5 * rng.normal(size=model.nv)
         self.data.ctrl[:] = rng.normal(size=model.nu)
         self.A, self.B = np.zeros((2 * model.nv, 2 * model.nv)), np.zeros((2 * model.nv, model.nu))
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""

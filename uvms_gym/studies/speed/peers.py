@@ -50,7 +50,7 @@ Ours are timed as whole Python calls with their inputs."""
 def check_scene(scene: dict[str, Any]) -> None:
     """Raise ValueError for a scene that the peers' models do not cover."""
     if scene["vehicle"].get("fixed"):
-        raise ValueError(f"{scene['name']} holds its vehicle, but vehicles of the peers' models float")
+        raise ValueError(f"{scene['name']} has a fixed vehicle, but vehicles of the peers' models float")
 
 
 def versions() -> dict[str, str]:
@@ -137,7 +137,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
 
 
 def vector_study(scene: dict[str, Any], n: int, threads: list[int], repeats: int, seed: int) -> list[dict[str, Any]]:
-    """Time of the vector environment, f64, and of MuJoCo's RK4 at as many instances, substeps and threads.
+    """Time of the vector environment, f64, and of MuJoCo's RK4 with the same instances, substeps and threads.
 
     Returns
     -------

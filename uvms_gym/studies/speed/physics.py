@@ -12,9 +12,9 @@ import numpy as np
 
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
-from uvms_gym.studies.speed.timing import Case, Times, calls_per_sample, interleave, summary
+from uvms_gym.studies.speed.timing import Case, Times, interleave, summary
 
-#: Standard deviation of initial twists (m/s and rad/s), range of held thrusts (share of the limits), and step, s.
+#: Standard deviation of initial twists (m/s and rad/s), range of constant thrusts (share of the limits), and step, s.
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
 #: Relative range of the parameters of varied instances.
 VARIED = 0.1
@@ -37,7 +37,7 @@ class Setting(NamedTuple):
 
 
 class Stepping(Case):
-    """A moving batch under held thrusts and joint targets, not watched for errors, as peers are not.
+    """A moving batch under constant thrusts and joint targets, not watched for errors, as peers are not.
 
     A unit of work is one step of one instance.
     """
@@ -57,7 +57,6 @@ class Stepping(Case):
         if setting.varied:
             vary(self.simulator, rng)
         self.inputs = start(self.simulator, rng)
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""
@@ -73,7 +72,7 @@ class Stepping(Case):
 
 
 def start(simulator: Simulator, rng: np.random.Generator) -> dict[str, Floats]:
-    """Set a batch in motion from its home, and return held inputs, one row per instance."""
+    """Set a batch in motion from its home, and return constant inputs, one row per instance."""
     n = simulator.num_envs
     if not simulator.scene["vehicle"]["fixed"]:
         simulator.set_state(twist=TWIST * rng.normal(size=(n, 6)))
@@ -207,7 +206,7 @@ def parameter_costs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def thread_speedups(
     rows: Sequence[Mapping[str, Any]], vector: Sequence[Mapping[str, Any]], many: int
 ) -> list[dict[str, Any]]:
-    """Wall-clock speed of several threads over that of one, round by round, with the most substeps.
+    """Wall-clock speed of several threads over one thread, round by round, with the most substeps.
 
     `rows` come from `steps`, `vector` from `environment.vector_study`.
     """

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.rigid_chain import chain
-from uvms_gym.studies.speed.timing import Case, calls_per_sample
+from uvms_gym.studies.speed.timing import Case
 
 VERSION = pin.__version__
 #: States of one call.
@@ -48,7 +48,7 @@ def _inertia(link: Any) -> Any:
 
 
 def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
-    """[V'; q''] at a state as `Simulator.set_state` takes it; Pinocchio's free-flyer has the body twist, too."""
+    """[V'; q''] at a state with the names of `Simulator.set_state`; Pinocchio's free-flyer has the body twist, too."""
     place = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"]))
     q, v = np.concatenate([place, state["q"]]), np.concatenate([state["twist"], state["qd"]])
     found: Floats = pin.aba(model, model.createData(), q, v, np.concatenate([wrench, torque])).copy()
@@ -56,7 +56,7 @@ def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: F
 
 
 class Dynamics(Case):
-    """Articulated-body dynamics of a batch of states on one thread; a unit of work is `STAGES` times that of one state.
+    """Articulated-body dynamics of a batch of states on one thread; a unit of work is `STAGES` states.
 
     `abaInParallel` loops in C++: a batch costs one call from Python, which needs no correction.
     """
@@ -71,7 +71,7 @@ class Dynamics(Case):
         # Columns, as Eigen has them: nothing is copied.
         self.q = np.asfortranarray(np.transpose(places))
         self.v, self.tau, self.found = (np.asfortranarray(rng.normal(size=(model.nv, BATCH))) for _ in range(3))
-        self.work, self.calls = BATCH / STAGES, calls_per_sample(self.step)
+        self.work = BATCH / STAGES
 
     def step(self) -> None:
         """One call."""
@@ -94,7 +94,6 @@ class Single(Case):
             pin.integrate(self.model, pin.neutral(self.model), rng.normal(size=self.model.nv)),
         )
         self.v, self.tau = (rng.normal(size=self.model.nv) for _ in range(2))
-        self.calls = calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym._rotations import from_rpy, matrices
-from uvms_gym.studies.numerics import Floats, bodies, joints
+from uvms_gym.studies.numerics import Floats, bodies, buoyancy_of, joints
 
 
 class Link(NamedTuple):
     """A moving body with all bodies fixed to it, and its joint (None: the vehicle).
 
-    `placement` (4, 4) is the body's frame in that of the body before it, its joint at zero; `axis` (3,) a unit vector.
+    `placement` (4, 4) is the body's frame in the one before it, its joint at zero; `axis` (3,) a unit vector.
     `center_of_mass` (3,), m, and `inertia` (3, 3), kg m^2 about it, are in the body's frame; `buoyancy` in N.
     """
 
@@ -100,11 +100,5 @@ def _link(
             own = own - _point_inertia(mass, np.array(body["center_of_mass"]))
         inertia += place[:3, :3] @ own @ place[:3, :3].T + _point_inertia(mass, offset)
     axis = np.zeros(3) if joint is None else np.array(joint["axis"]) / np.linalg.norm(joint["axis"])
-    buoyancy = sum(_buoyancy(body, water) for _, body in parts)
+    buoyancy = sum(buoyancy_of(body, water) for _, body in parts)
     return Link(joint, placement, axis, float(masses.sum()), center, inertia, buoyancy)
-
-
-def _buoyancy(body: dict[str, Any], water: dict[str, Any]) -> float:
-    if (given := body.get("buoyancy")) is not None:
-        return float(given)
-    return float(water["density"] * np.linalg.norm(water["gravity"]) * (body.get("volume") or 0.0))

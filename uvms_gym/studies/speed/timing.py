@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -34,7 +35,12 @@ class Case:
     """A case to time: a sample is `calls` calls of `step`, each with `work` units of work."""
 
     work: float
-    calls: int
+
+    @cached_property
+    def calls(self) -> int:
+        """Number of calls for a sample of the minimum duration, by the second of two calls."""
+        self.step()
+        return max(1, round(SAMPLE / max(float(timed(self.step, 1).wall), 1e-7)))
 
     def step(self) -> None:
         """One call."""
@@ -71,12 +77,6 @@ def timed(call: Callable[[], object], calls: int) -> Times:
     for _ in range(calls):
         call()
     return Times(time.perf_counter() - wall, time.process_time() - cpu).per(calls)
-
-
-def calls_per_sample(call: Callable[[], object], minimum: float = SAMPLE) -> int:
-    """Number of calls for a sample of the minimum duration, by the second of two calls."""
-    call()
-    return max(1, round(minimum / max(float(timed(call, 1).wall), 1e-7)))
 
 
 def summary(samples: Floats | Sequence[float]) -> dict[str, float]:

@@ -22,7 +22,7 @@ STEP, TIME, INSTANTS = 0.005, 10.0, (1.0, 10.0)
 TIMED, TIMED_STEPS, ROUNDS, BATCHES = 512, 20, 3, 31
 #: Copies of the whole scene among the variants; the differences between them are noise.
 COPIES = 4
-#: Half width of intervals in standard deviations: 0.2 % of all fail, hardly one in a table of twenty.
+#: Half width of intervals in standard deviations: 0.2 % of all fail, rarely one in a table of twenty.
 DEVIATIONS = 3.1
 QUANTITIES = ("position", "attitude", "end_effector")
 

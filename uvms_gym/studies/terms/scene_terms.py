@@ -23,7 +23,7 @@ class Term(NamedTuple):
     name: str
     #: True if the scene has it.
     present: bool
-    #: Removes it from a scene, in place; None if the scene lacks it, or it cannot be removed alone.
+    #: Removes it from a scene, in place; None if the scene lacks it, or it cannot be removed separately.
     remove: Callable[[Table], object] | None = None
     #: Note for reports.
     note: str = ""
@@ -55,7 +55,7 @@ def terms_of(scene: Table) -> list[Term]:
         held = group == "vehicle" and scene["vehicle"]["fixed"]
         for kind in _BODY_KINDS:
             name = f"{group}: {kind.name}"
-            term = Term(name, False, note="the vehicle is held in the world") if held else None
+            term = Term(name, False, note="the vehicle is fixed in the world") if held else None
             terms.append(term or _of_kind(scene, name, kind, pick))
     terms += [_current(scene), *(_of_kind(scene, kind.name, kind, joints) for kind in _JOINT_KINDS)]
     terms += [_arm_base(scene), _payload(scene)]
@@ -128,7 +128,7 @@ def _remove_flow(body: Table, water: Table) -> None:
 
 
 def _make_weightless(body: Table, water: Table) -> None:
-    """Displace as much water as the body weighs, at its centre of mass."""
+    """Set the volume whose water weighs the same as the body, at its centre of mass."""
     mass, density = body["mass"], water["density"]
     volume = mass / density
     # The difference must be exactly zero, without rounding.
@@ -145,7 +145,7 @@ _BODY_KINDS = (
         "",
         "added_mass",
         _ZERO,
-        "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
+        "with its convective (Munk) part, which follows from the same matrix and cannot be removed separately",
     ),
     _Kind(
         "added mass, off-diagonal",
@@ -160,11 +160,11 @@ _BODY_KINDS = (
         "weight, buoyancy",
         _restores,
         _make_weightless,
-        "removed by displacing as much water as a body weighs, at its centre of mass",
+        "removed by buoyancy equal to the weight of a body, at its centre of mass",
     ),
 )
 
-_ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion does not hold for others"
+_ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion says nothing about others"
 _JOINT_KINDS = (
     _number("joint friction, viscous", "friction", "viscous", 0.0),
     _number("joint friction, Coulomb", "friction", "coulomb", 0.0),
@@ -184,7 +184,6 @@ _JOINT_KINDS = (
 
 
 def _of_kind(scene: Table, name: str, kind: _Kind, pick: Callable[[Table], Iterable[Table]]) -> Term:
-    """Term of the bodies or joints that `pick` finds."""
     water = scene["water"]
     if not any(kind.has(part, water) for part in pick(scene)):
         return Term(name, False)
