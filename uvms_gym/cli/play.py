@@ -28,7 +28,6 @@ from uvms_gym.cli.common import (
 )
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
-from uvms_gym.cli.web import serve
 from uvms_gym.controllers.families import BASELINE, canonical
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.summary import short_names
@@ -111,7 +110,7 @@ def play(
             raise fail("--web goes without --out, --window, --size, --fps, --camera and --plot")
         check_range("--port", port, 1, 65535)
         _need("viser")
-        serve(_make(env, arguments, seconds), controller, seed, port)
+        _serve(_make(env, arguments, seconds), controller, seed, port)
         return
     if out is not None and window:
         raise fail("--out goes without --window")
@@ -192,6 +191,30 @@ def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame
     with contextlib.closing(Window(frame.title)) as window:
         for picture in film(inner, moments, frame):
             window.show(picture, frame.settings.rate)
+
+
+def _serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port: int) -> None:
+    """Serve the page of `--web` until Ctrl-C."""
+    from uvms_gym.viewer.episode import LiveEpisode
+    from uvms_gym.viewer.server import HOST, Viewer
+
+    inner: Any = env.unwrapped
+    with user_errors():
+        episode = LiveEpisode(inner, controller or BASELINE[inner.task], seed)
+    title = f"{inner.snapshot().scene_name}, {env.spec.id if env.spec else inner.task}"
+    try:
+        viewer = Viewer(episode, title, port, line)
+    except OSError as error:
+        raise fail(f"--port is {port}, but {HOST} refuses it: {error.strerror or error}") from None
+    except RuntimeError as error:
+        raise fail(str(error)) from None
+    line(f"{viewer.url} (this machine only; Ctrl-C ends it)")
+    try:
+        viewer.run()
+    except KeyboardInterrupt:
+        line("ended")
+    finally:
+        viewer.close()
 
 
 def _need(*modules: str) -> None:
