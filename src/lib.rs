@@ -33,7 +33,7 @@
 //! estimate      coefficients of a body from its shape
 //! urdf          arms from URDF files
 //! system        compile(description), state
-//! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, CRBA, linearization
+//! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, linearization
 //! integrate     Munthe-Kaas methods, a linearly implicit one, baseline methods
 //! render        software rasteriser
 //! optimize      box-constrained differential dynamic programming

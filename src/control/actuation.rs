@@ -18,7 +18,7 @@ pub struct Actuation<T> {
     /// Entries of an action.
     len: usize,
     thrusters: Vec<ThrusterTerms<T>>,
-    /// True where a thruster has almost no thrust one way, so that rounding alone may exceed its limit there.
+    /// True where a thruster has almost no thrust one way, so that rounding may exceed its limit there.
     one_sided: bool,
     /// Torque of 1, per actuated joint, N m or N; the joints' entries come last.
     torques: Vec<T>,
@@ -169,7 +169,7 @@ impl<T: Real> Actuation<T> {
         actuated
     }
 
-    /// As [`Self::act`], into memory that holds [`Actuated::none`] or another action's result: filling all of it for each
+    /// As [`Self::act`], into memory with [`Actuated::none`] or another action's result: filling all of it for each
     /// group of instances would cost measurable time.
     #[inline(always)]
     pub fn act_into<L: Lane<Real = T>>(&self, action: &[L; ACTIONS], actuated: &mut Actuated<L>) {

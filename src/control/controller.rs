@@ -2,6 +2,7 @@
 
 use super::gains::GainMap;
 use crate::error::ControlError;
+use crate::limits::interrupt;
 
 /// Lengths of the rows that a controller reads, remembers and writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +19,7 @@ impl Widths {
     /// Number of rows of these arrays.
     ///
     /// # Errors
-    /// `ControlError::Shape` if the lengths are no whole rows, or not equally many.
+    /// `ControlError::Shape` if a length is not a multiple of its row, or the numbers of rows differ.
     pub fn rows(&self, observations: &[f32], memory: &[f64], actions: &[f32]) -> Result<usize, ControlError> {
         let rows = observations.len() / self.observation;
         for (what, got, width) in [
@@ -32,11 +33,35 @@ impl Widths {
         }
         Ok(rows)
     }
+
+    /// Calls `control` with the observation, the memory and the action of each row, until an interrupt.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    pub(super) fn each_row(
+        &self,
+        observations: &[f32],
+        memory: &mut [f64],
+        actions: &mut [f32],
+        mut control: impl FnMut(&[f32], &mut [f64], &mut [f32]),
+    ) -> Result<(), ControlError> {
+        for k in 0..self.rows(observations, memory, actions)? {
+            if interrupt::requested() {
+                break;
+            }
+            control(
+                &observations[k * self.observation..][..self.observation],
+                &mut memory[k * self.memory..][..self.memory],
+                &mut actions[k * self.action..][..self.action],
+            );
+        }
+        Ok(())
+    }
 }
 
 /// Rows of observations to rows of actions in [-1, 1], without randomness.
 ///
-/// Rows are independent: the action of an instance depends on its own row and memory alone, bit for bit, whatever the
+/// Rows are independent: the action of an instance depends only on its own row and memory, bit for bit, whatever the
 /// number of rows.
 pub trait Controller: Send + Sync {
     /// Lengths of the rows.
@@ -56,7 +81,7 @@ pub trait Controller: Send + Sync {
     /// instance is all 0 when its episode begins. Rows may be left as they are after an interrupt.
     ///
     /// # Errors
-    /// `ControlError::Shape` if the lengths are no whole rows, or not equally many; nothing has changed then.
+    /// `ControlError::Shape` if a length is not a multiple of its row, or the numbers of rows differ; nothing has changed then.
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError>;
 }
 

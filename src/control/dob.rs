@@ -1,4 +1,4 @@
-//! PD station keeping with a disturbance observer.
+//! Station keeping with a disturbance observer: PD, and computed torque.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,7 @@ pub struct FeedbackGains {
 }
 
 impl FeedbackGains {
-    /// Default gains beside those of a PD.
+    /// Default gains, with these of a PD.
     pub fn new(VehicleServo { kp, kd }: VehicleServo, observer: ObserverGains) -> Self {
         Self { kp, kd, observer, prediction_horizon: 0.0 }
     }
@@ -43,7 +43,7 @@ pub(super) struct Dob {
 impl Dob {
     pub fn new(gains: FeedbackGains, observer: &Observer) -> Self {
         // A command acts half a period and a lag later.
-        let time = 0.5 * observer.period() + observer.plant().lag();
+        let time = 0.5 * observer.period() + observer.model().lag();
         Self { wave: WaveTransition::over(gains.observer.wave_frequency, time), gains }
     }
 
@@ -53,13 +53,13 @@ impl Dob {
 
     /// `-kp e - kd V`.
     #[inline(always)]
-    pub fn feedback<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+    fn feedback<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
         feedback(&self.gains.kp, &self.gains.kd, &at.motion.error, &at.motion.twist)
     }
 
     /// Disturbance when the command acts.
     #[inline(always)]
-    pub fn disturbance<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+    fn disturbance<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
         let [wave, _] = self.wave.after(at.disturbance.wave);
         at.disturbance.slow + wave
     }
@@ -68,5 +68,20 @@ impl Dob {
     #[inline(always)]
     pub fn wrench<L: Lane<Real = f64>>(&self, at: &Estimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
         self.feedback(at) - body.force - self.disturbance(at)
+    }
+
+    /// Computed torque `F = M a + (h(q^+, q'^+) - h(q, q')) / T + V x* h - f - d` with `a = -kp e - kd V`, and the momentum h at
+    /// the arm's references for the next control instant, for the composite bodies at an estimate and a control period T later.
+    /// `[HC eq. 13]`
+    #[inline(always)]
+    pub fn computed_torque<L: Lane<Real = f64>>(
+        &self,
+        at: &Estimate<L>,
+        [now, next]: &[CompositeBody<L>; 2],
+        period: f64,
+    ) -> Vector6<L> {
+        let steady = now.momentum_transport(at.motion.twist) - now.force - self.disturbance(at);
+        let wrench = now.momentum.scale_add(L::c(-1.0 / period), now.inertia.apply(self.feedback(at)) + steady);
+        next.momentum.scale_add(L::c(1.0 / period), wrench)
     }
 }

@@ -32,7 +32,7 @@ impl DockPdGains {
 
 impl Default for DockPdGains {
     fn default() -> Self {
-        Self::from_pd(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] })
+        Self::from_pd(VehicleServo::default())
     }
 }
 
@@ -81,11 +81,8 @@ impl Controller for DockPd {
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        self.widths().rows(observations, memory, actions)?;
-        let rows = observations.chunks_exact(self.indices.width);
-        for (observation, action) in rows.zip(actions.chunks_exact_mut(self.actions.len().max(1))) {
+        self.widths().each_row(observations, memory, actions, |observation, _, action| {
             self.actions.normalise(&self.wrench(observation), action);
-        }
-        Ok(())
+        })
     }
 }

@@ -6,8 +6,10 @@ use serde_json::{Map, Value};
 
 use crate::error::ControlError;
 
-/// Maximum age of measurements, control periods: of sensors, and of those that an observer bridges.
+/// Maximum age of measurements, control periods, of sensors and in an observer.
 pub const MAX_SENSOR_DELAY: usize = 100;
+/// Maximum age of measurements that banks of models and plans bridge, control periods.
+pub const MAX_DELAY: usize = 10;
 /// Maximum time beyond the present for which a model predicts, s.
 const MAX_HORIZON: f64 = 10.0;
 
@@ -17,7 +19,7 @@ pub type GainMap = Map<String, Value>;
 /// A gain as a value of a [`GainMap`]: a list of numbers, or one.
 ///
 /// # Errors
-/// `ControlError::Gain` for a number that is not finite, which JSON cannot hold.
+/// `ControlError::Gain` for a number that is not finite, which JSON cannot represent.
 pub fn gain_value(name: &str, numbers: &[f64], list: bool) -> Result<Value, ControlError> {
     if let Some((index, &value)) = numbers.iter().enumerate().find(|(_, k)| !k.is_finite()) {
         return Err(ControlError::Gain { name: name.to_owned(), index, value });
@@ -56,20 +58,21 @@ pub(super) fn check(gains: &impl Serialize) -> Result<(), ControlError> {
     Ok(())
 }
 
-/// Refuses a prediction that would take too long: over a measurement's age in control periods, and beyond the present by a horizon
-/// (s).
-pub(super) fn check_prediction(delay: usize, horizon: f64) -> Result<(), ControlError> {
-    if delay > MAX_SENSOR_DELAY {
-        return Err(ControlError::Delay { periods: delay, most: MAX_SENSOR_DELAY });
-    }
-    if horizon > MAX_HORIZON {
-        let (name, value) = ("prediction_horizon".to_owned(), horizon.to_string());
+/// Refuses a delay of measurements beyond a maximum, control periods.
+pub(super) fn check_delay(periods: usize, most: usize) -> Result<(), ControlError> {
+    if periods > most { Err(ControlError::Delay { periods, most }) } else { Ok(()) }
+}
+
+/// Refuses a prediction beyond the present that would take too long.
+pub(super) fn check_horizon(time: f64) -> Result<(), ControlError> {
+    if time > MAX_HORIZON {
+        let (name, value) = ("prediction_horizon".to_owned(), time.to_string());
         return Err(ControlError::GainShape { name, value, expected: format!("at most {MAX_HORIZON} s") });
     }
     Ok(())
 }
 
-/// Refuses lists of gains, by name, that hold a 0.
+/// Refuses lists of gains, by name, with a 0.
 pub(super) fn check_positive(lists: &[(&str, &[f64])]) -> Result<(), ControlError> {
     match lists.iter().find(|(_, values)| values.contains(&0.0)) {
         Some((name, values)) => {
@@ -80,7 +83,7 @@ pub(super) fn check_positive(lists: &[(&str, &[f64])]) -> Result<(), ControlErro
     }
 }
 
-/// `gains` with those replaced that are given, checked.
+/// `gains` with the given ones replaced, checked.
 ///
 /// # Errors
 /// `ControlError` for an unknown gain, one of another length, or one that is not finite or is negative.
@@ -92,11 +95,11 @@ pub fn merge<G: Serialize + DeserializeOwned>(gains: &G, given: &GainMap) -> Res
             return Err(ControlError::UnknownGain { name: name.clone(), known });
         };
         let numbers = |value: &Value| value.as_array().map(Vec::len);
-        let whole = old.is_u64() && value.is_f64() && value.as_f64() >= Some(0.0);
-        if numbers(old) != numbers(value) || whole {
+        let integer = old.is_u64() && value.is_f64() && value.as_f64() >= Some(0.0);
+        if numbers(old) != numbers(value) || integer {
             let expected = match numbers(old) {
                 Some(length) => format!("{length} numbers"),
-                None if whole => "a whole number".to_owned(),
+                None if integer => "a whole number".to_owned(),
                 None => "a number".to_owned(),
             };
             return Err(ControlError::GainShape { name: name.clone(), value: value.to_string(), expected });

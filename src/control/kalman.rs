@@ -17,8 +17,8 @@ type Square = SMatrix<f64, STATES, STATES>;
 /// Model of the disturbing acceleration along one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DisturbanceModel {
-    /// Bandwidth of the slow part, rad/s: natural frequency (at damping ratio `1 / sqrt 2`) of the filter on measured
-    /// velocities alone.
+    /// Bandwidth of the slow part, rad/s: natural frequency (at damping ratio `1 / sqrt 2`) of the filter that measures
+    /// only velocities.
     pub bandwidth: f64,
     /// Standard deviation of the wave part, m/s2 or rad/s2.
     pub wave: f64,

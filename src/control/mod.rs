@@ -1,12 +1,12 @@
-//! Control of one vehicle: thruster allocation, the meaning of an action, and controllers from observations alone.
+//! Control of one vehicle: thruster allocation, the meaning of an action, and controllers that read observations only.
 
 mod action;
 mod actuation;
 mod allocation;
-mod computed_torque;
 mod controller;
 mod dob;
 mod dock_pd;
+mod equations;
 mod gains;
 mod indices;
 mod kalman;
@@ -16,14 +16,15 @@ mod model_based;
 pub mod mpc;
 mod multiple_model;
 pub mod nmpc;
+mod nominal_model;
 mod observer;
 mod pd;
 mod pd_restoring;
 mod pid;
-mod plant;
 mod residual;
 mod resolved_motion;
 mod rows;
+mod thrusts;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
 pub use actuation::{ACTIONS, Actuated, Actuation};
@@ -31,17 +32,18 @@ pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use controller::{Controller, NoControl, Widths};
 pub use dob::FeedbackGains;
 pub use dock_pd::{DockPd, DockPdGains};
-pub use gains::{GainMap, MAX_SENSOR_DELAY, gain_names, gain_value, merge};
+pub use equations::{ChainState, Equations, MassMatrix, VELOCITIES, Velocities};
+pub use gains::{GainMap, MAX_DELAY, MAX_SENSOR_DELAY, gain_names, gain_value, merge};
 pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model_based::{LawGains, ModelBased};
 pub use mpc::MpcGains;
 pub use multiple_model::AdaptiveGains;
 pub use nmpc::{NmpcGains, TrackingNmpc};
+pub use nominal_model::{AppliedWrenches, ArmState, NominalModel, VehicleMotion};
 pub use observer::{Observer, ObserverGains};
 pub use pd::Pd;
 pub use pd_restoring::PdRestoring;
 pub use pid::{Pid, PidGains};
-pub use plant::{AppliedWrenches, ArmMotion, Plant, VehicleMotion};
 pub use residual::{BASE_ACTION, Residual};
-pub use resolved_motion::{AdaptiveMotionGains, MAX_DELAY, ResolvedMotion, ResolvedMotionGains, TrackingIndices};
+pub use resolved_motion::{AdaptiveMotionGains, ResolvedMotion, ResolvedMotionGains, TrackingIndices};

@@ -1,16 +1,14 @@
-//! Feedback on a disturbance observer's estimate: the shell of DOB, alone or on a bank of
-//! observers, computed torque, MPC and NMPC.
+//! Controllers on a disturbance observer's estimate: DOB with one observer or a bank of them, computed torque, MPC and NMPC.
 
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::computed_torque::ComputedTorque;
 use super::controller::{Controller, Widths};
 use super::dob::{Dob, FeedbackGains};
-use super::gains::{self, GainMap};
+use super::gains::{self, GainMap, MAX_DELAY, MAX_SENSOR_DELAY};
 use super::indices::ModelIndices;
 use super::mpc::{self, Mpc, MpcGains};
-use super::multiple_model::{AdaptiveGains, Bank};
+use super::multiple_model::{AdaptiveGains, ObserverBank};
 use super::nmpc::NmpcGains;
 use super::nmpc::vehicle::{Present, VehicleNmpc};
 use super::observer::Observer;
@@ -49,7 +47,7 @@ enum Law {
     Dob(Dob),
     /// One per model.
     Adaptive(AdaptiveGains, Vec<Dob>),
-    ComputedTorque(ComputedTorque),
+    ComputedTorque(Dob),
     Mpc(Box<Mpc>),
     Nmpc(Box<VehicleNmpc>),
 }
@@ -63,7 +61,7 @@ impl Law {
         }
     }
 
-    /// Numbers of memory per instance, after those of the bank.
+    /// Numbers of memory per instance, after the bank's.
     fn memory(&self) -> usize {
         if let Law::Nmpc(nmpc) = self { nmpc.memory() } else { 0 }
     }
@@ -76,7 +74,7 @@ impl Law {
 pub struct ModelBased {
     law: Law,
     indices: ModelIndices,
-    bank: Bank,
+    bank: ObserverBank,
     actions: ActionMap,
     actuation: Actuation<f64>,
 }
@@ -85,8 +83,8 @@ impl ModelBased {
     /// For a checked scene, acting every `period` s.
     ///
     /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative; for a delay beyond [`MAX_SENSOR_DELAY`](super::MAX_SENSOR_DELAY),
-    /// on a bank and for NMPC beyond [`MAX_DELAY`](super::MAX_DELAY); for a prediction horizon beyond 10 s; on a bank, for a factor
+    /// `ControlError` for a gain that is not finite or is negative; for a delay beyond [`MAX_SENSOR_DELAY`],
+    /// on a bank and for NMPC beyond [`MAX_DELAY`]; for a prediction horizon beyond 10 s; on a bank, for a factor
     /// or a deviation of 0.
     pub fn new(
         gains: LawGains,
@@ -95,26 +93,26 @@ impl ModelBased {
         actions: ActionMap,
         period: f64,
     ) -> Result<Self, ControlError> {
-        match &gains {
-            LawGains::Adaptive(gains) => gains.check()?,
-            LawGains::Nmpc(gains) => gains.check()?,
-            gains => gains::check(gains)?,
-        }
-        match &gains {
-            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => {
-                gains::check_prediction(gains.observer.delay, gains.prediction_horizon)?;
+        gains::check(&gains)?;
+        let (observer, horizon, max_delay) = match &gains {
+            LawGains::Dob(FeedbackGains { observer, prediction_horizon, .. })
+            | LawGains::ComputedTorque(FeedbackGains { observer, prediction_horizon, .. }) => {
+                (*observer, *prediction_horizon, MAX_SENSOR_DELAY)
             }
-            LawGains::Adaptive(gains) => gains::check_prediction(0, gains.feedback.prediction_horizon)?,
-            LawGains::Mpc(gains) => gains::check_prediction(gains.observer.delay, 0.0)?,
-            LawGains::Nmpc(_) => {}
-        }
+            LawGains::Adaptive(AdaptiveGains { feedback, .. }) => {
+                (feedback.observer, feedback.prediction_horizon, MAX_DELAY)
+            }
+            LawGains::Mpc(gains) => (gains.observer, 0.0, MAX_SENSOR_DELAY),
+            LawGains::Nmpc(gains) => (gains.observer(), 0.0, MAX_DELAY),
+        };
+        gains::check_delay(observer.delay, max_delay)?;
+        gains::check_horizon(horizon)?;
         let bank = match &gains {
-            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => {
-                Bank::of(Observer::new(gains.observer, gains.prediction_horizon, scene, period))
+            LawGains::Adaptive(gains) => {
+                gains.check()?;
+                ObserverBank::new(gains, scene, period)
             }
-            LawGains::Adaptive(gains) => Bank::new(gains, scene, period),
-            LawGains::Mpc(gains) => Bank::of(Observer::new(gains.observer, 0.0, scene, period)),
-            LawGains::Nmpc(gains) => Bank::of(Observer::new(gains.observer(), 0.0, scene, period)),
+            _ => ObserverBank::of(Observer::new(observer, horizon, scene, period)),
         };
         let observer = bank.observer();
         let law = match gains {
@@ -123,7 +121,7 @@ impl ModelBased {
                 let laws = gains.models(period).into_iter().map(|(gains, _)| Dob::new(gains, observer)).collect();
                 Law::Adaptive(gains, laws)
             }
-            LawGains::ComputedTorque(gains) => Law::ComputedTorque(ComputedTorque::new(gains, observer)),
+            LawGains::ComputedTorque(gains) => Law::ComputedTorque(Dob::new(gains, observer)),
             LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(gains, scene, observer, &actions))),
             LawGains::Nmpc(gains) => Law::Nmpc(Box::new(VehicleNmpc::new(gains, scene, observer, &actions))),
         };
@@ -139,9 +137,8 @@ impl Controller for ModelBased {
 
     fn gains(&self) -> GainMap {
         match &self.law {
-            Law::Dob(dob) => gains::to_map(dob.gains()),
+            Law::Dob(dob) | Law::ComputedTorque(dob) => gains::to_map(dob.gains()),
             Law::Adaptive(gains, _) => gains::to_map(gains),
-            Law::ComputedTorque(computed_torque) => gains::to_map(computed_torque.gains()),
             Law::Mpc(mpc) => gains::to_map(mpc.gains()),
             Law::Nmpc(nmpc) => gains::to_map(nmpc.gains()),
         }
@@ -177,7 +174,7 @@ impl Kernel<f64> for Rows<'_> {
         let mut scratch = Scratch::new();
         let mut memory = vec![L::zero(); bank.memory()];
         let mut wrenches = vec![Vector6::zero(); bank.len()];
-        let (plant, period) = (bank.observer().plant(), bank.observer().period());
+        let (nominal, period) = (bank.observer().model(), bank.observer().period());
         let count = self.observations.len() / observation;
         for first in (0..count).step_by(L::LANES) {
             if interrupt::requested() {
@@ -197,12 +194,12 @@ impl Kernel<f64> for Rows<'_> {
                     force: Vector6::zero(),
                 }; 2];
                 for k in 0..law.bodies() {
-                    bodies[k] = plant.composite_body(&estimate.motion, &estimate.arms[k], &mut scratch);
+                    bodies[k] = nominal.composite_body(&estimate.motion, &estimate.arms[k], &mut scratch);
                 }
                 wrenches[model] = match law {
                     Law::Dob(dob) => dob.wrench(&estimate, &bodies[0]),
                     Law::Adaptive(_, laws) => laws[model].wrench(&estimate, &bodies[0]),
-                    Law::ComputedTorque(law) => law.wrench(&estimate, &bodies, period),
+                    Law::ComputedTorque(dob) => dob.computed_torque(&estimate, &bodies, period),
                     Law::Mpc(mpc) => {
                         let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
                         let mut plans = [[0.0; 6]; WIDEST];

@@ -5,9 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::dob::FeedbackGains;
 use super::gains;
 use super::likelihood::{Likelihood, normalise};
+use super::nominal_model::ArmState;
 use super::observer::{Estimate, Observer, ObserverGains};
-use super::plant::ArmMotion;
-use super::resolved_motion::MAX_DELAY;
 use super::rows::Measurement;
 use crate::description::{Scene, VehicleServo};
 use crate::dynamics::aba::Scratch;
@@ -35,12 +34,12 @@ pub struct AdaptiveGains {
 
 impl Default for AdaptiveGains {
     fn default() -> Self {
-        Self::new(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }, 0)
+        Self::new(VehicleServo::default(), 0)
     }
 }
 
 impl AdaptiveGains {
-    /// Default gains beside those of a PD, for measurements up to `delay` control periods old.
+    /// Default gains, with these of a PD, for measurements up to `delay` control periods old.
     pub fn new(servo: VehicleServo, delay: usize) -> Self {
         Self {
             feedback: FeedbackGains::new(servo, ObserverGains { delay, ..ObserverGains::default() }),
@@ -52,14 +51,8 @@ impl AdaptiveGains {
         }
     }
 
-    /// Refuses gains that are not finite or are negative, delays beyond [`MAX_DELAY`], and factors and deviations
-    /// of 0.
+    /// Refuses factors and deviations of 0.
     pub(super) fn check(&self) -> Result<(), ControlError> {
-        gains::check(self)?;
-        let periods = self.feedback.observer.delay;
-        if periods > MAX_DELAY {
-            return Err(ControlError::Delay { periods, most: MAX_DELAY });
-        }
         gains::check_positive(&[
             ("thrust_factors", &self.thrust_factors),
             ("innovation", &self.innovation),
@@ -84,38 +77,38 @@ impl AdaptiveGains {
 
 /// Observer of a bank, its factor on the thrust, and its place in a row of memory.
 #[derive(Debug, Clone, PartialEq)]
-struct Model {
+struct BankObserver {
     observer: Observer,
     thrust: f64,
     place: usize,
 }
 
-/// Bank of observers. One alone has no weights.
+/// Bank of observers. A bank of one has no weights.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Bank {
-    models: Vec<Model>,
+pub(super) struct ObserverBank {
+    models: Vec<BankObserver>,
     /// Likelihood of innovations: of the twist, linear and angular; of joints' coordinates and rates.
     likelihood: Likelihood<4>,
 }
 
-impl Bank {
+impl ObserverBank {
     /// A bank of one observer.
     pub fn of(observer: Observer) -> Self {
-        let models = vec![Model { observer, thrust: 1.0, place: 0 }];
+        let models = vec![BankObserver { observer, thrust: 1.0, place: 0 }];
         Self { models, likelihood: Likelihood::new([f64::INFINITY; 4], 0.0, 0.0) }
     }
 
     /// For a checked scene that is measured and acted on every `period` s, by checked gains.
     pub fn new(gains: &AdaptiveGains, scene: &Scene, period: f64) -> Self {
         let (all, horizon) = (gains.models(period), gains.feedback.prediction_horizon);
-        let (mut models, mut place): (Vec<Model>, _) = (Vec::new(), all.len());
+        let (mut models, mut place): (Vec<BankObserver>, _) = (Vec::new(), all.len());
         for (gains, thrust) in all {
             let observer = match models.last() {
                 Some(last) if last.observer.delay() == gains.observer.delay => last.observer.clone(),
                 _ => Observer::new(gains.observer, horizon, scene, period),
             };
             let width = observer.memory();
-            models.push(Model { observer, thrust, place });
+            models.push(BankObserver { observer, thrust, place });
             place += width;
         }
         let ([v, w], [q, qd]) = (gains.innovation, gains.joint_innovation);
@@ -127,8 +120,8 @@ impl Bank {
         self.models.len()
     }
 
-    /// Model with the maximum delay.
-    fn last(&self) -> &Model {
+    /// BankObserver with the maximum delay.
+    fn last(&self) -> &BankObserver {
         &self.models[self.models.len() - 1]
     }
 
@@ -160,11 +153,12 @@ impl Bank {
         memory: &mut [L],
         scratch: &mut Scratch<L>,
     ) -> Estimate<L> {
-        let Model { observer, place, .. } = &self.models[k];
+        let BankObserver { observer, place, .. } = &self.models[k];
         let estimate = observer.observe(measured, &mut memory[*place..][..observer.memory()], scratch);
         if self.len() > 1 {
-            let told = L::c(self.observer().delay() as f64).lt(self.observer().periods(&memory[self.last().place..]));
-            let gain = L::select(told, self.log_likelihood(&estimate, observer.plant().joints()), L::zero());
+            let predicted =
+                L::c(self.observer().delay() as f64).lt(self.observer().periods(&memory[self.last().place..]));
+            let gain = L::select(predicted, self.log_likelihood(&estimate, observer.model().joints()), L::zero());
             self.likelihood.update(&mut memory[k], gain);
         }
         estimate
@@ -175,7 +169,7 @@ impl Bank {
     fn log_likelihood<L: Lane<Real = f64>>(&self, at: &Estimate<L>, joints: usize) -> L {
         let [linear, angular, coordinate, rate] = self.likelihood.precision;
         let Vector6 { linear: v, angular: w } = at.innovation;
-        let ArmMotion { q, qd } = at.arm_innovation;
+        let ArmState { q, qd } = at.arm_innovation;
         let mut sum = v.dot(v).mul_add(L::c(linear), w.dot(w) * L::c(angular));
         for i in 0..joints {
             sum = (q[i] * q[i]).mul_add(L::c(coordinate), sum);
@@ -203,7 +197,7 @@ impl Bank {
     /// Stores the commanded wrench and the arm's reference.
     #[inline(always)]
     pub fn remember<L: Lane<Real = f64>>(&self, measured: &Measurement<L>, command: Vector6<L>, memory: &mut [L]) {
-        for Model { observer, thrust, place } in &self.models {
+        for BankObserver { observer, thrust, place } in &self.models {
             let memory = &mut memory[*place..][..observer.memory()];
             observer.remember(measured, command.scale(L::c(*thrust)), memory);
         }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kalman::{DisturbanceModel, ObserverGain, STATES, WaveTransition};
-use super::plant::{AppliedWrenches, ArmMotion, Plant, Prediction, VehicleMotion};
+use super::nominal_model::{AppliedWrenches, ArmState, NominalModel, Prediction, VehicleMotion};
 use super::rows::Measurement;
 use crate::description::Scene;
 use crate::dynamics::aba::Scratch;
@@ -59,17 +59,17 @@ pub struct Estimate<L> {
     /// Vehicle, after the prediction horizon.
     pub motion: VehicleMotion<L>,
     /// Arm, at the same time and a control period later.
-    pub arms: [ArmMotion<L>; 2],
+    pub arms: [ArmState<L>; 2],
     /// Last command to the thrusters.
     pub command: Vector6<L>,
     /// Thrusters' present wrench.
     pub thrust: Vector6<L>,
     /// Disturbing wrench.
     pub disturbance: Disturbance<L>,
-    /// Measured twist less the predicted one.
+    /// Measured twist minus the predicted one.
     pub innovation: Vector6<L>,
-    /// Measured arm less its reference for the instant of the measurement.
-    pub arm_innovation: ArmMotion<L>,
+    /// Measured arm minus its reference for the instant of the measurement.
+    pub arm_innovation: ArmState<L>,
 }
 
 /// Wrench that the model does not explain, at an instant.
@@ -79,16 +79,6 @@ pub struct Disturbance<L> {
     pub slow: Vector6<L>,
     /// Wave part, and its rate.
     pub wave: [Vector6<L>; 2],
-}
-
-impl<L: Lane> Disturbance<L> {
-    /// This where the mask holds, else the other.
-    #[inline(always)]
-    fn or(&self, mask: L::Mask, other: &Self) -> Self {
-        let [wave, rate] = self.wave;
-        let wave = [or(mask, wave, other.wave[0]), or(mask, rate, other.wave[1])];
-        Self { slow: or(mask, self.slow, other.slow), wave }
-    }
 }
 
 impl WaveTransition {
@@ -111,11 +101,11 @@ impl WaveTransition {
 /// Observer of the vehicle's momentum.
 ///
 /// From its last estimate it predicts the next measurement, with the commanded wrench through the thrusters' lag; the
-/// innovation corrects the estimate, above all that of the disturbance. Measurements are taken to be `delay` control
+/// innovation corrects the estimate, mostly the disturbance. Measurements are assumed to be `delay` control
 /// periods old: from the estimate of that instant the model predicts the present, and beyond it by the horizon.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observer {
-    plant: Plant,
+    model: NominalModel,
     /// Control period, s.
     period: f64,
     delay: usize,
@@ -128,11 +118,20 @@ pub struct Observer {
 
 // Places in a row of memory.
 const COUNT: usize = 0;
-const MOTION: usize = 1;
-const DISTURBANCE: usize = 13;
-const THRUST: usize = 19;
-const WAVE: usize = 25;
+const STATE: usize = 1;
 const ARM: usize = 37;
+
+/// Pose error, twist, slow disturbance, thrusters' wrench, wave disturbance and its rate.
+type ObserverState<L> = [Vector6<L>; 6];
+
+#[inline(always)]
+fn state_of<L: Lane>(
+    VehicleMotion { error, twist }: VehicleMotion<L>,
+    Disturbance { slow, wave: [wave, rate] }: Disturbance<L>,
+    thrust: Vector6<L>,
+) -> ObserverState<L> {
+    [error, twist, slow, thrust, wave, rate]
+}
 
 impl Observer {
     /// For a checked scene that is measured and acted on every `period` s, by checked gains.
@@ -150,7 +149,7 @@ impl Observer {
             }
         });
         Self {
-            plant: Plant::new(scene),
+            model: NominalModel::new(scene),
             period,
             delay: by.delay,
             horizon,
@@ -160,8 +159,8 @@ impl Observer {
     }
 
     /// The nominal model.
-    pub fn plant(&self) -> &Plant {
-        &self.plant
+    pub fn model(&self) -> &NominalModel {
+        &self.model
     }
 
     /// Control period, s.
@@ -181,12 +180,12 @@ impl Observer {
 
     /// Numbers of memory per instance.
     pub fn memory(&self) -> usize {
-        self.references() + (self.delay + 1) * 2 * self.plant.joints()
+        self.references() + (self.delay + 1) * 2 * self.model.joints()
     }
 
     /// Names and lengths of the blocks of memory. The disturbance is the sum of its slow and its wave part.
     pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
-        let n = 2 * self.plant.joints();
+        let n = 2 * self.model.joints();
         vec![
             ("periods", 1),
             ("pose_error", 6),
@@ -203,10 +202,10 @@ impl Observer {
 
     /// Place of the commanded wrenches, the latest first.
     fn commands(&self) -> usize {
-        ARM + 2 * self.plant.joints()
+        ARM + 2 * self.model.joints()
     }
 
-    /// Place of the arm's references, that of the present first.
+    /// Place of the arm's references, the present one first.
     fn references(&self) -> usize {
         self.commands() + (self.delay + 1) * 6
     }
@@ -219,26 +218,26 @@ impl Observer {
         memory: &mut [L],
         scratch: &mut Scratch<L>,
     ) -> Estimate<L> {
-        let n = self.plant.joints();
+        let n = self.model.joints();
         let count = memory[COUNT];
         // At an episode's first instant the memory is empty.
         let first = count.lt(L::c(0.5));
         for slot in 0..=self.delay {
             let place = self.references() + 2 * n * slot;
-            let reference = ArmMotion::load(memory, place, n);
-            ArmMotion::select(first, &measured.arm, &reference).store(memory, place, n);
+            let reference = ArmState::load(memory, place, n);
+            ArmState::select(first, &measured.arm, &reference).store(memory, place, n);
         }
 
         // The measurement is of the instant `delay` ago, which may lie before the episode.
         let later = L::c(self.delay as f64).lt(count);
-        let mut motion = VehicleMotion { error: load(memory, MOTION), twist: load(memory, MOTION + 6) };
-        let mut disturbance =
-            Disturbance { slow: load(memory, DISTURBANCE), wave: [load(memory, WAVE), load(memory, WAVE + 6)] };
-        let mut thrust = load(memory, THRUST);
-        let (mut arm, mut next) = (ArmMotion::load(memory, ARM, n), measured.arm);
+        let mut state: ObserverState<L> = [Vector6::zero(); 6];
+        for part in 0..6 {
+            state[part] = load(memory, STATE + 6 * part);
+        }
+        let (mut arm, mut next) = (ArmState::load(memory, ARM, n), measured.arm);
         // The arm moves as its reference does.
-        let reference = ArmMotion::load(memory, self.references() + 2 * n * self.delay, n);
-        let ahead = measured.reference.less(&reference).scale_add(L::c(1.0), &measured.arm);
+        let reference = ArmState::load(memory, self.references() + 2 * n * self.delay, n);
+        let ahead = measured.reference.minus(&reference).scale_add(L::c(1.0), &measured.arm);
 
         // To the instant of the measurement, period by period to the present, and by the horizon beyond.
         let mut innovation = Vector6::zero();
@@ -246,9 +245,10 @@ impl Observer {
         for leg in 0..legs {
             let beyond = leg > self.delay;
             let age = self.delay.saturating_sub(leg);
+            let [error, twist, slow, thrust, wave, rate] = state;
+            let disturbance = Disturbance { slow, wave: [wave, rate] };
             let (carried, mean) = if beyond {
-                let [wave, rate] = disturbance.wave;
-                (disturbance, rate.scale_add(L::c(0.5 * self.horizon), wave) + disturbance.slow)
+                (disturbance, rate.scale_add(L::c(0.5 * self.horizon), wave) + slow)
             } else {
                 self.wave.carry(&disturbance)
             };
@@ -256,49 +256,39 @@ impl Observer {
                 AppliedWrenches { command: load(memory, self.commands() + 6 * age), thrust, disturbance: mean };
             let time = if beyond { self.horizon } else { self.period };
             if leg > 0 {
-                let told = ArmMotion::load(memory, self.references() + 2 * n * age, n);
+                let then = ArmState::load(memory, self.references() + 2 * n * age, n);
                 arm = next;
                 next = if beyond {
-                    ahead.less(&arm).scale_add(L::c(self.horizon / self.period), &arm)
+                    ahead.minus(&arm).scale_add(L::c(self.horizon / self.period), &arm)
                 } else {
-                    told.less(&reference).scale_add(L::c(1.0), &measured.arm)
+                    then.minus(&reference).scale_add(L::c(1.0), &measured.arm)
                 };
             }
-            let predicted = self.plant.predict(&motion, [&arm, &next], &wrenches, time, scratch);
+            let from = VehicleMotion { error, twist };
+            let predicted = self.model.predict(&from, [&arm, &next], &wrenches, time, scratch);
             if beyond {
-                motion = predicted.motion;
+                (state[0], state[1]) = (predicted.motion.error, predicted.motion.twist);
             } else if leg > 0 {
                 let begun = L::c(age as f64 + 0.5).lt(count);
-                motion = predicted.motion.or(begun, &motion);
-                thrust = or(begun, predicted.thrust, thrust);
-                disturbance = carried.or(begun, &disturbance);
+                state = select(begun, &state_of(predicted.motion, carried, predicted.thrust), &state);
             } else {
                 innovation = measured.motion.twist - predicted.motion.twist;
                 let (corrected, updated) = self.correct(measured, &predicted, &carried);
-                motion = corrected.or(later, &measured.motion);
-                thrust = or(later, predicted.thrust, thrust);
-                disturbance = updated.or(later, &disturbance);
-                store(memory, MOTION, motion.error);
-                store(memory, MOTION + 6, motion.twist);
-                store(memory, DISTURBANCE, disturbance.slow);
-                store(memory, WAVE, disturbance.wave[0]);
-                store(memory, WAVE + 6, disturbance.wave[1]);
-                store(memory, THRUST, thrust);
+                let updated = state_of(corrected, updated, predicted.thrust);
+                state = select(later, &updated, &state_of(measured.motion, disturbance, thrust));
+                for part in 0..6 {
+                    store(memory, STATE + 6 * part, state[part]);
+                }
                 measured.arm.store(memory, ARM, n);
             }
         }
         let arms =
-            if self.horizon > 0.0 { [next, ahead.less(&arm).scale_add(L::c(1.0), &next)] } else { [next, ahead] };
-        let arm_innovation = measured.arm.less(&reference);
-        Estimate {
-            motion,
-            arms,
-            command: load(memory, self.commands()),
-            thrust,
-            disturbance,
-            innovation,
-            arm_innovation,
-        }
+            if self.horizon > 0.0 { [next, ahead.minus(&arm).scale_add(L::c(1.0), &next)] } else { [next, ahead] };
+        let arm_innovation = measured.arm.minus(&reference);
+        let [error, twist, slow, thrust, wave, rate] = state;
+        let (motion, disturbance) = (VehicleMotion { error, twist }, Disturbance { slow, wave: [wave, rate] });
+        let command = load(memory, self.commands());
+        Estimate { motion, arms, command, thrust, disturbance, innovation, arm_innovation }
     }
 
     /// Correction of a prediction by a measurement.
@@ -336,7 +326,7 @@ impl Observer {
     /// Stores the commanded wrench and the arm's reference.
     #[inline(always)]
     pub fn remember<L: Lane<Real = f64>>(&self, measured: &Measurement<L>, command: Vector6<L>, memory: &mut [L]) {
-        let n = 2 * self.plant.joints();
+        let n = 2 * self.model.joints();
         let (commands, references) = (self.commands(), self.references());
         memory[commands..references].rotate_right(6);
         store(memory, commands, command);
@@ -361,25 +351,21 @@ fn store<L: Lane>(memory: &mut [L], place: usize, x: Vector6<L>) {
     memory[place..place + 6].copy_from_slice(&x.to_array());
 }
 
-/// `yes` where the mask holds, else `no`.
+/// `yes` where the mask is true, else `no`.
 #[inline(always)]
-fn or<L: Lane>(mask: L::Mask, yes: Vector6<L>, no: Vector6<L>) -> Vector6<L> {
-    let (yes, mut all) = (yes.to_array(), no.to_array());
-    for k in 0..6 {
-        all[k] = L::select(mask, yes[k], all[k]);
+fn select<L: Lane>(mask: L::Mask, yes: &ObserverState<L>, no: &ObserverState<L>) -> ObserverState<L> {
+    let mut state = *no;
+    for part in 0..6 {
+        let (yes, mut all) = (yes[part].to_array(), no[part].to_array());
+        for k in 0..6 {
+            all[k] = L::select(mask, yes[k], all[k]);
+        }
+        state[part] = Vector6::from_array(all);
     }
-    Vector6::from_array(all)
+    state
 }
 
-impl<L: Lane> VehicleMotion<L> {
-    /// This where the mask holds, else the other.
-    #[inline(always)]
-    fn or(&self, mask: L::Mask, other: &Self) -> Self {
-        Self { error: or(mask, self.error, other.error), twist: or(mask, self.twist, other.twist) }
-    }
-}
-
-impl<L: Lane> ArmMotion<L> {
+impl<L: Lane> ArmState<L> {
     #[inline(always)]
     fn load(memory: &[L], place: usize, n: usize) -> Self {
         let mut arm = Self { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };

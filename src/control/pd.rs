@@ -13,7 +13,7 @@ use crate::lie::Vector6;
 
 /// PD on the vehicle, `F = -kp e - kd V` `[HC sec. 5.2]`, with the attitude error "log" of the observations: the rotation
 /// vector `log(R_d^T R)`. The vehicle's servo within the stages, which a pose target turns on, uses "vee":
-/// `vee(R_d^T R - R^T R_d) / 2`. Joints are held by their own PD servos, which belong to the scene.
+/// `vee(R_d^T R - R^T R_d) / 2`. Joints have PD servos of their own, which belong to the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pd {
     indices: ObservationIndices,
@@ -95,13 +95,9 @@ impl Controller for Pd {
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        self.widths().rows(observations, memory, actions)?;
-        let (width, entries) = (self.indices.width, self.actions.len());
-        for row in 0..observations.len() / width {
-            let action = &mut actions[row * entries..][..entries];
-            self.actions.normalise(&self.wrench(&observations[row * width..][..width]), action);
-        }
-        Ok(())
+        self.widths().each_row(observations, memory, actions, |observation, _, action| {
+            self.actions.normalise(&self.wrench(observation), action);
+        })
     }
 }
 

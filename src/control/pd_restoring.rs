@@ -4,7 +4,7 @@ use super::Pd;
 use super::controller::{Controller, Widths};
 use super::gains::GainMap;
 use super::indices::ModelIndices;
-use super::plant::{Plant, VehicleMotion};
+use super::nominal_model::{NominalModel, VehicleMotion};
 use super::rows::{read, write_actions};
 use crate::description::Scene;
 use crate::dynamics::aba::Scratch;
@@ -13,19 +13,19 @@ use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;
 use crate::system::JOINTS;
 
-/// `F = -kp e - kd V - f_g`: a PD less the weight and buoyancy f_g of vehicle, arm and payload at the measured attitude
-/// and joint coordinates. Targets are level, so the attitude error alone gives the direction of gravity.
+/// `F = -kp e - kd V - f_g`: a PD minus the weight and buoyancy f_g of vehicle, arm and payload at the measured attitude
+/// and joint coordinates. Targets are level, so the attitude error gives the direction of gravity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PdRestoring {
     pd: Pd,
     indices: ModelIndices,
-    plant: Plant,
+    model: NominalModel,
 }
 
 impl PdRestoring {
     /// For a checked scene.
     pub fn new(pd: Pd, indices: ModelIndices, scene: &Scene) -> Self {
-        Self { pd, indices, plant: Plant::new(scene) }
+        Self { pd, indices, model: NominalModel::new(scene) }
     }
 }
 
@@ -54,7 +54,7 @@ struct Rows<'a> {
 impl Kernel<f64> for Rows<'_> {
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
-        let PdRestoring { pd, indices, plant } = self.control;
+        let PdRestoring { pd, indices, model } = self.control;
         let Widths { observation, action, .. } = pd.widths();
         let mut scratch = Scratch::new();
         let count = self.observations.len() / observation;
@@ -66,7 +66,7 @@ impl Kernel<f64> for Rows<'_> {
             let mut arm = measured.arm;
             arm.qd = [L::zero(); JOINTS];
             let at_rest = VehicleMotion { twist: Vector6::zero(), ..measured.motion };
-            let force = plant.composite_body(&at_rest, &arm, &mut scratch).force;
+            let force = model.composite_body(&at_rest, &arm, &mut scratch).force;
             write_actions(pd.actions(), pd.feedback(&measured.motion.error, &measured.motion.twist) - force, actions);
         }
     }

@@ -39,7 +39,7 @@ impl PidGains {
 /// PID on the vehicle, `F = -kp e - kd V - ki z` with `z' = e`: [`Pd`] and an integral of the pose error, which removes
 /// the steady-state offset under a current or a weight.
 ///
-/// The integral is the controller's memory, not the observation's leaky one, which by its leak holds no constant wrench
+/// The integral is the controller's memory, not the observation's leaky one, which cannot balance a constant wrench
 /// without error. Against windup it pauses (conditional integration) on every axis whose wrench the thrusters do not
 /// reach, for as long as the error would drive it further that way; the allocation gives the wrench that they reach.
 #[derive(Debug, Clone, PartialEq)]

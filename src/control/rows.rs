@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::indices::{BlockIndices, ModelIndices};
-use super::plant::{ArmMotion, VehicleMotion};
+use super::nominal_model::{ArmState, VehicleMotion};
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::lane::Lane;
 use crate::lie::Vector6;
@@ -18,9 +18,9 @@ pub struct Measurement<L> {
     /// Vehicle.
     pub motion: VehicleMotion<L>,
     /// Arm.
-    pub arm: ArmMotion<L>,
+    pub arm: ArmState<L>,
     /// Joint references for the next control instant; not delayed.
-    pub reference: ArmMotion<L>,
+    pub reference: ArmState<L>,
 }
 
 /// Entry `offset` of each row, times its scale; rows past the last repeat it.
@@ -74,8 +74,8 @@ pub(super) fn store<L: Lane<Real = f64>>(from: &[L], rows: &mut [f64], width: us
 
 /// A block of the arm.
 #[inline(always)]
-fn joints<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32], [q, qd]: &[BlockIndices; 2]) -> ArmMotion<L> {
-    let mut arm = ArmMotion { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
+fn joints<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32], [q, qd]: &[BlockIndices; 2]) -> ArmState<L> {
+    let mut arm = ArmState { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
     let width = indices.vehicle.width;
     for (i, home) in indices.home.iter().enumerate() {
         let coordinate: L = column(rows, width, (q.offset + i, q.scale[i]));
@@ -132,8 +132,8 @@ pub(super) fn lanes_of<L: Lane<Real = f64>>(rows: &[[f64; 6]; WIDEST]) -> Vector
 
 /// The arm in a lane.
 #[inline(always)]
-pub(super) fn arm_of<L: Lane<Real = f64>>(arm: &ArmMotion<L>, lane: usize) -> ArmMotion<f64> {
-    let mut row = ArmMotion { q: [0.0; JOINTS], qd: [0.0; JOINTS] };
+pub(super) fn arm_of<L: Lane<Real = f64>>(arm: &ArmState<L>, lane: usize) -> ArmState<f64> {
+    let mut row = ArmState { q: [0.0; JOINTS], qd: [0.0; JOINTS] };
     for i in 0..JOINTS {
         let mut all = [0.0; WIDEST];
         arm.q[i].store(&mut all);

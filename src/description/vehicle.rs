@@ -110,7 +110,7 @@ impl Vehicle {
 }
 
 /// Gains of the paper's PD on the vehicle: `F = -kp e - kd V`, per body axis `[x y z; roll pitch yaw]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleServo {
     /// Proportional gains, N/m and N m/rad.

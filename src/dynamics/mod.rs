@@ -6,7 +6,7 @@
 //! | [`aba_implicit`] | the same for linearly implicit Euler | lanes, over `System` |
 //! | `composite_body` | composite inertia, momentum and outer forces of vehicle and arm | lanes, over `System` |
 //! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
-//! | `serial_chain`, `crba`, `rnea` | mass matrix by composite bodies, bias by Newton and Euler: for controllers | f64, no allocation |
+//! | `rnea` | recursive Newton-Euler algorithm: inverse dynamics in O(n) | lanes, over `System` |
 //! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
 //! | `closed_form` | `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state, with its solve | dense f64 |
 //! | `fossen` | `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau` from the closed form | dense f64 |
@@ -21,7 +21,6 @@ pub mod aba_implicit;
 mod body_adjoint;
 mod closed_form;
 mod composite_body;
-mod crba;
 pub mod dense;
 mod dynamical_balance;
 mod energy;
@@ -35,7 +34,6 @@ mod link;
 mod modes;
 mod momentum;
 mod rnea;
-mod serial_chain;
 
 pub use closed_form::{BodyWrenches, ClosedForm, ClosedFormModel, JointTorques, Loads, Residual};
 pub use composite_body::CompositeBody;
@@ -43,8 +41,8 @@ pub use dynamical_balance::{BodyMotion, Composite, Equations};
 pub use energy::{Energy, Power, relative_to_water};
 pub use fossen::FossenForm;
 pub use inverse_dynamics::GeneralizedForce;
-pub use joint_torque::lost_bounce;
+pub use joint_torque::{implicit_joint_torque, lost_bounce};
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
 pub use momentum::Momentum;
-pub use serial_chain::{EquationsOfMotion, MassMatrix, PassiveTorque, SerialChain, VELOCITIES, Velocities};
+pub use rnea::{JointMotion, inverse_dynamics};

@@ -1,55 +1,66 @@
-//! Recursive Newton-Euler algorithm: the bias of a serial chain in still water. `[RF08 ch. 5]`
+//! Recursive Newton-Euler algorithm: inverse dynamics in O(n), in lanes. `[RF08 ch. 5]`
+//!
+//! ```text
+//! outward   V_i = Ad^-1 V_p + E q',   A_i = Ad^-1 A_p + ad_V_i E q' + E q'',   F_i = I A_i + B V_i - restoring - damping
+//! inward    tau_i = E^T F_i + J q'',   F_p += Ad^-T F_i
+//! ```
 
-use nalgebra::{Vector3, Vector6};
+#![allow(non_snake_case, reason = "twists and wrenches carry the symbols of the header")]
 
-use super::dense::{Pose, ad, angular, linear, stack};
-use super::serial_chain::{ChainBody, SerialChain, VELOCITIES, Velocities, twist_to_child, wrench_to_parent};
-use crate::system::JOINTS;
-use crate::terms::DenseInstant;
+use super::aba::{Scratch, body_bias};
+use super::link::{add_joint_rate, joint_screws, with_zeros};
+use crate::lane::{Lane, Param};
+use crate::lie::{Vector3, Vector6};
+use crate::system::{BodyTerms, JOINTS, JointScrew, System};
 
-impl SerialChain {
-    /// `C [V; q']` less damping, weight, buoyancy and the vehicle's terms, from the child poses of the joints: the generalized force
-    /// of the motion with `[V'; q''] = 0`.
-    pub(super) fn bias(&self, poses: &[Pose; JOINTS], up: &Vector3<f64>, velocities: &Velocities) -> Velocities {
-        let n = self.joints();
-        let mut forces = [Vector6::zeros(); VELOCITIES];
-        let mut twist: Vector6<f64> = velocities.fixed_rows::<6>(0).into_owned();
-        let (mut acceleration, mut gravity) = (Vector6::zeros(), up * -self.gravity);
-        forces[0] = self.bodies[0].force(&twist, &acceleration, &gravity);
-        let at = DenseInstant { density: self.density, gravity, relative: twist, deflections: &self.deflections };
-        forces[0] -= self.vehicle.dense_term_wrenches(&at).into_array().iter().sum::<Vector6<f64>>();
-        for (i, joint) in self.joints.iter().enumerate() {
-            let own = joint.axis * velocities[6 + i];
-            twist = twist_to_child(&poses[i], &twist) + own;
-            acceleration = twist_to_child(&poses[i], &acceleration) - ad(&own) * twist;
-            gravity = poses[i].rotation.tr_mul(&gravity);
-            forces[1 + i] = self.bodies[1 + i].force(&twist, &acceleration, &gravity);
-        }
+/// Coordinates, rates and accelerations of the joints.
+pub type JointMotion<'a, L> = [&'a [L; JOINTS]; 3];
 
-        let mut bias = Velocities::zeros();
-        for i in (0..n).rev() {
-            bias[6 + i] = self.joints[i].axis.dot(&forces[1 + i]);
-            let carried = wrench_to_parent(&poses[i], &forces[1 + i]);
-            forces[i] += carried;
-        }
-        bias.fixed_rows_mut::<6>(0).copy_from(&forces[0]);
-        bias
+/// Total wrench on the vehicle, fins and tether included, and total torque of each joint, friction and end stops included, at a
+/// twist relative to the water and its rate, joint motion, and `gravity` (vehicle axes, m/s2).
+#[inline(always)]
+pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
+    system: &System<P, B>,
+    gravity: Vector3<L>,
+    [twist, rate]: [Vector6<L>; 2],
+    [q, qd, qdd]: JointMotion<L>,
+    scratch: &mut Scratch<L>,
+) -> (Vector6<L>, [L; JOINTS]) {
+    let joints = system.chain();
+    let links = &mut scratch.links[..joints.len()];
+    joint_screws(joints, true, q, links);
+    let (mut g, mut V, mut A) = (gravity, twist, rate);
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &mut links[i]);
+        (g, V) = link.outward(joint, g, V, qd[i]);
+        A = add_joint_rate(joint, link.twist_from_parent(joint, A) + with_zeros(link.c), qdd[i]);
+        link.p = force(&joint.body, V, A, g);
     }
+    let (mut torques, mut children) = ([L::zero(); JOINTS], Vector6::zero());
+    for i in (0..joints.len()).rev() {
+        let (joint, link) = (&joints[i], &links[i]);
+        let F = link.p + children;
+        torques[i] = match joint.screw {
+            JointScrew::Revolute { .. } => F.angular.0[2],
+            JointScrew::Prismatic { .. } => F.linear.0[2],
+        };
+        if let Some(inertia) = joint.rotor_inertia {
+            torques[i] += inertia.get() * qdd[i];
+        }
+        children = link.wrench_to_parent(joint, F);
+    }
+    (force(&system.vehicle, twist, rate, gravity) + children, torques)
 }
 
-impl ChainBody {
-    /// Wrench that moves the body: `A V' - ad_V^T A V` less weight, buoyancy and damping.
-    #[inline]
-    fn force(&self, twist: &Vector6<f64>, acceleration: &Vector6<f64>, gravity: &Vector3<f64>) -> Vector6<f64> {
-        let momentum = self.inertia * twist;
-        let (p, l, v, omega) = (linear(&momentum), angular(&momentum), linear(twist), angular(twist));
-        let mut force = self.inertia * acceleration + stack(&omega.cross(&p), &(omega.cross(&l) + v.cross(&p)));
-        force -= stack(&(gravity * self.weight), &self.moment.cross(gravity));
-        for damping in &self.dampings {
-            let there = twist_to_child(&damping.pose, twist);
-            let squared = there.component_mul(&there.abs());
-            force += wrench_to_parent(&damping.pose, &(damping.linear * there + damping.quadratic * squared));
-        }
-        force
-    }
+/// Wrench on a body beside weight, buoyancy and damping.
+#[inline(always)]
+fn force<L: Lane, B: Param<L>>(
+    body: &BodyTerms<B>,
+    twist: Vector6<L>,
+    rate: Vector6<L>,
+    gravity: Vector3<L>,
+) -> Vector6<L> {
+    let mut bias = Vector6::zero();
+    body_bias::<_, _, false>(body, twist, gravity, &mut bias);
+    bias + body.inertia.get().apply(rate)
 }

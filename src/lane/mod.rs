@@ -39,6 +39,7 @@ pub(crate) use unroll;
 mod dispatch;
 mod dual;
 mod elementary;
+mod function;
 mod isa;
 #[cfg(target_arch = "aarch64")]
 #[allow(unsafe_code)]
@@ -65,6 +66,7 @@ mod x86;
 
 pub use dual::Dual;
 pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
+pub use function::{Function, differentiate, evaluate};
 pub use isa::{Isa, UnknownIsa};
 pub use number::{Kernel, Lane, Real, Routine};
 pub(crate) use numbers::numbers;

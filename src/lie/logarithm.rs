@@ -3,7 +3,7 @@
 use super::{Matrix3, Vector3};
 use crate::lane::{Lane, atan2, unroll};
 
-/// Rotation vector `log R`, of length at most pi; 0 where the squares of its entries underflow. `[MLS94 eq. 2.17]`
+/// Rotation vector `log R`, of length at most pi, with its derivative at the identity too. `[MLS94 eq. 2.17]`
 ///
 /// By the quaternion, largest entry first: accurate near 0 and near pi, where the trace and the skew part lose digits.
 #[inline(always)]
@@ -19,7 +19,8 @@ pub fn rotation_vector_and_angle<L: Lane>(rotation: &Matrix3<L>) -> (Vector3<L>,
     let minimum = if <L::Real as crate::lane::Real>::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
     let half = atan2(length, w.abs());
     let angle = half + half;
-    let factor = angle / length.max(L::c(minimum));
+    // The limit of the quotient where the squares of the entries underflow.
+    let factor = L::select(length.lt(L::c(minimum)), L::c(2.0) / w.abs(), angle / length.max(L::c(minimum)));
     (v.scale(L::select(w.lt(L::zero()), -factor, factor)), angle)
 }
 

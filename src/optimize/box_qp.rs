@@ -9,24 +9,24 @@ const ITERATIONS: usize = 100;
 pub struct Minimum {
     /// The minimiser: on a bound exactly where it is active.
     pub x: DVector<f64>,
-    /// Entries that are not held by a bound.
+    /// Entries that are on no active bound.
     pub free: Vec<usize>,
     /// Factor of H among these.
     pub factor: Cholesky<f64, Dyn>,
 }
 
-/// Minimises by H, positive definite, and g within bounds that hold 0. None where H is not positive definite.
+/// Minimises by H, positive definite, and g within bounds that include 0. None where H is not positive definite.
 pub fn minimise(h: &DMatrix<f64>, g: &DVector<f64>, lower: &DVector<f64>, upper: &DVector<f64>) -> Option<Minimum> {
     let value = |x: &DVector<f64>| x.dot(&(h * x * 0.5 + g));
     let (mut x, mut previous, mut full) = (DVector::zeros(g.len()), None, false);
     let mut iterations = 0;
     loop {
         let gradient = h * &x + g;
-        let held = |k: usize| (x[k] <= lower[k] && gradient[k] >= 0.0) || (x[k] >= upper[k] && gradient[k] <= 0.0);
-        let free: Vec<usize> = (0..g.len()).filter(|k| !held(*k)).collect();
+        let fixed = |k: usize| (x[k] <= lower[k] && gradient[k] >= 0.0) || (x[k] >= upper[k] && gradient[k] <= 0.0);
+        let free: Vec<usize> = (0..g.len()).filter(|k| !fixed(*k)).collect();
         let factor = Cholesky::new(h.select_rows(&free).select_columns(&free))?;
         iterations += 1;
-        // A whole Newton step along the same entries has found their minimum.
+        // A full Newton step along the same entries has found their minimum.
         if free.is_empty() || (full && previous.as_ref() == Some(&free)) || iterations > ITERATIONS {
             return Some(Minimum { x, free, factor });
         }

@@ -2,7 +2,10 @@
 
 mod backward;
 mod box_qp;
+mod riccati;
 mod solver;
 
 pub use backward::{Expansion, Knot, Policy, Ranges};
+pub use box_qp::{Minimum, minimise};
+pub use riccati::cost_to_go;
 pub use solver::{Problem, STEP_SIZES, Settings, Solution, solve};

@@ -3,7 +3,7 @@
 use super::backward::{Expansion, Policy, Ranges, backward};
 use crate::limits::interrupt;
 
-/// Step sizes of a line search: the first alone, then the others at once.
+/// Step sizes of a line search: the first by itself, then the others at once.
 pub const STEP_SIZES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125];
 /// Minimum part of the expected decrease of an accepted step.
 const SUFFICIENT: f64 = 1e-4;
@@ -34,7 +34,7 @@ pub struct Settings {
 /// Result of the iterations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// Costs, that of the first inputs first: each less than the one before.
+    /// Costs, from the first inputs on: each is below the one before.
     pub costs: Vec<f64>,
     /// Policies about the last trajectory.
     pub policies: Vec<Policy>,
@@ -61,7 +61,7 @@ pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution
         }
         loop {
             if let Some(pass) = backward(&model, &ranges, damping) {
-                // A damped step is shorter by about that factor, and expects less.
+                // A damped step is shorter by about that factor, and expects a smaller decrease.
                 let expected = -(pass.slope + 0.5 * pass.curvature) * (1.0 + damping);
                 solution.decrement = if expected <= 0.0 { 0.0 } else { expected / cost.abs().max(f64::MIN_POSITIVE) };
                 solution.converged = solution.decrement <= settings.tolerance;

@@ -21,7 +21,7 @@ const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
 const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
 
-/// A native controller: alone by `act`, or in a closed loop by `Task.run`.
+/// A native controller, for `act` and for the closed loop of `Task.run`.
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
 pub struct Controller {
     pub(super) inner: Arc<dyn control::Controller>,
@@ -44,8 +44,8 @@ impl Controller {
             if let Some(list) = value.as_array() {
                 let numbers: Vec<f64> = list.iter().filter_map(|x| x.as_f64()).collect();
                 result.set_item(name, numbers.to_pyarray(py))?;
-            } else if let Some(whole) = value.as_u64() {
-                result.set_item(name, whole)?;
+            } else if let Some(integer) = value.as_u64() {
+                result.set_item(name, integer)?;
             } else {
                 result.set_item(name, value.as_f64())?;
             }
@@ -105,7 +105,7 @@ impl Mlp {
 #[pymethods]
 impl Mlp {
     /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
-    /// and the task of the policy, alone or as a residual policy.
+    /// and the task of the policy, residual or not.
     #[new]
     #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, residual, notes))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
@@ -156,7 +156,7 @@ impl Mlp {
         Ok(PyBytes::new(py, &self.mlp.to_bytes().or_raise()?))
     }
 
-    /// Refuses another task than the policy's, alone or as a residual policy.
+    /// Refuses another task than the policy's, residual or not.
     #[pyo3(signature = (task, *, residual))]
     fn check(&self, task: PyRef<'_, Task>, residual: bool) -> PyResult<()> {
         self.mlp.check(&policy_spec(&task, residual)).or_raise()
@@ -218,7 +218,7 @@ fn policy_spec(task: &Task, residual: bool) -> PolicySpec {
     if residual { spec.residual() } else { spec }
 }
 
-/// A gain from Python; a float stands for whole numbers only where the gain is one.
+/// A gain from Python: an integer, a number or a list.
 #[derive(FromPyObject)]
 enum Gain {
     Whole(u32),

@@ -71,6 +71,15 @@ impl EndEffector {
 }
 
 impl<P: Copy> EndEffector<P> {
+    /// Number of the body that carries it, 0 for the vehicle and i + 1 for the link of joint i, and its pose in that body.
+    #[inline(always)]
+    pub fn tip<L: Lane>(&self) -> (usize, Pose<L>)
+    where
+        P: Param<L>,
+    {
+        (self.joints.len(), Pose::of(&self.rotation, &self.position))
+    }
+
     /// Pose in the vehicle frame at joint coordinates `q`.
     #[inline(always)]
     pub fn at<L: Lane>(&self, q: &[L; JOINTS]) -> Pose<L>

@@ -2,182 +2,169 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::definition::BaseController;
 use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
     ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPd, DockPdGains,
-    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl, ObservationIndices,
-    ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains,
+    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl, NominalModel,
+    ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, PolicySpec, ResolvedMotion, ResolvedMotionGains,
     TrackingIndices, TrackingNmpc, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
-/// Classical controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ControllerKind {
-    /// Zero action.
-    None,
-    /// PD station keeping.
-    Pd,
-    /// PD with compensation of weight and buoyancy.
-    PdRestoring,
-    /// PD with an integral.
-    Pid,
-    /// PD with a disturbance observer.
-    Dob,
-    /// PD with a bank of disturbance observers.
-    DobAdaptive,
-    /// Computed torque with a disturbance observer.
-    ComputedTorque,
-    /// Model-predictive control with a disturbance observer.
-    Mpc,
-    /// Nonlinear model-predictive control with a disturbance observer.
-    Nmpc,
-    /// Resolved motion of the end effector.
-    ResolvedMotion,
-    /// The same on a bank of models.
-    ResolvedAdaptive,
-    /// PD docking with a limited approach speed.
-    DockPd,
+/// A controller, or the reason why it does not fit the task.
+type Made = Result<Arc<dyn Controller>, TaskError>;
+
+/// Classical controller: its gains, and how a task makes it.
+#[derive(Debug, Clone, Copy)]
+pub struct ControllerKind {
+    gain_names: fn() -> Vec<String>,
+    make: fn(&Task, &GainMap) -> Made,
+}
+
+const fn kind<G: Default + Serialize>(make: fn(&Task, &GainMap) -> Made) -> ControllerKind {
+    ControllerKind { gain_names: || gain_names(&G::default()), make }
 }
 
 impl ControllerKind {
     /// All kinds by name.
     pub const ALL: [(&'static str, Self); 12] = [
-        ("none", Self::None),
-        ("pd", Self::Pd),
-        ("pd-restoring", Self::PdRestoring),
-        ("pid", Self::Pid),
-        ("dob", Self::Dob),
-        ("dob-adaptive", Self::DobAdaptive),
-        ("computed-torque", Self::ComputedTorque),
-        ("mpc", Self::Mpc),
-        ("nmpc", Self::Nmpc),
-        ("resolved-motion", Self::ResolvedMotion),
-        ("resolved-adaptive", Self::ResolvedAdaptive),
-        ("dock-pd", Self::DockPd),
+        ("none", kind::<GainMap>(Task::none)),
+        ("pd", kind::<VehicleServo>(Task::pd)),
+        ("pd-restoring", kind::<VehicleServo>(Task::pd_restoring)),
+        ("pid", kind::<PidGains>(Task::pid)),
+        ("dob", kind::<FeedbackGains>(Task::dob)),
+        ("dob-adaptive", kind::<AdaptiveGains>(Task::adaptive_dob)),
+        ("computed-torque", kind::<FeedbackGains>(Task::computed_torque)),
+        ("mpc", kind::<MpcGains>(Task::mpc)),
+        ("nmpc", kind::<NmpcGains>(Task::nmpc)),
+        ("resolved-motion", kind::<ResolvedMotionGains>(Task::resolved_motion)),
+        ("resolved-adaptive", kind::<AdaptiveMotionGains>(Task::adaptive_motion)),
+        ("dock-pd", kind::<DockPdGains>(Task::dock_pd)),
     ];
+
+    /// The kind of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, kind)| kind)
+    }
 
     /// Names of its gains.
     pub fn gain_names(self) -> Vec<String> {
-        match self {
-            Self::None => Vec::new(),
-            Self::Pd | Self::PdRestoring => gain_names(&VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }),
-            Self::Pid => gain_names(&PidGains::default()),
-            Self::Dob | Self::ComputedTorque => gain_names(&FeedbackGains::default()),
-            Self::DobAdaptive => gain_names(&AdaptiveGains::default()),
-            Self::Mpc => gain_names(&MpcGains::default()),
-            Self::Nmpc => gain_names(&NmpcGains::default()),
-            Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
-            Self::ResolvedAdaptive => gain_names(&AdaptiveMotionGains::default()),
-            Self::DockPd => gain_names(&DockPdGains::default()),
-        }
+        (self.gain_names)()
     }
 }
 
 impl Task {
-    /// A classical controller with these gains; defaults for those that are null or not given.
+    /// A classical controller with these gains; defaults where one is null or missing.
     ///
-    /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
-    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the maximum for banks of models), but
+    /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque divided by the diagonal of the nominal
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the maximum for banks of models), except
     /// for DOB and resolved motion, where `null` stands for it and the default is 0; the others by their structs.
     ///
     /// # Errors
     /// `TaskError` for a controller of another task, actions that are corrections to a controller, a gain that is
     /// unknown, misshaped, not finite or negative, or if there are no gains.
-    pub fn controller(&self, kind: ControllerKind, given: &GainMap) -> Result<Arc<dyn Controller>, TaskError> {
-        let (actions, period) = (self.actions().clone(), self.options().control_period());
-        if kind == ControllerKind::None {
-            // Without gains any is unknown.
-            merge(&GainMap::new(), given)?;
-            return Ok(Arc::new(self.no_control()));
-        }
-        self.refuse_residual()?;
-        if kind == ControllerKind::ResolvedMotion {
-            let gains = ResolvedMotionGains { delay: self.told_delay(given), ..ResolvedMotionGains::default() };
-            return Ok(Arc::new(self.resolved_motion(merge(&gains, given)?)?));
-        }
-        if kind == ControllerKind::ResolvedAdaptive {
-            let mut gains = AdaptiveMotionGains::default();
-            [_, gains.motion.delay] = self.delays();
-            return Ok(Arc::new(self.adaptive_motion(merge(&gains, given)?)?));
-        }
-        let tracks = self.options().task.base() == BaseController::ResolvedMotion;
-        if kind == ControllerKind::Nmpc && tracks {
-            let gains = merge(&NmpcGains::tracking(self.delay()), given)?;
-            let indices = self.tracking_indices()?;
-            return Ok(Arc::new(TrackingNmpc::new(self.scene(), indices, gains, actions, period)?));
-        }
-        if kind == ControllerKind::DockPd {
-            let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
-            return Ok(Arc::new(DockPd::new(self.dock_indices()?, gains, actions)?));
-        }
-        let vehicle = self.vehicle_indices()?;
-        let indices = self.model_indices(&vehicle);
-        let scene = self.scene();
-        Ok(match kind {
-            ControllerKind::Pd => Arc::new(Pd::new(vehicle, merge(&self.servo(given)?, given)?, actions)?),
-            ControllerKind::PdRestoring => {
-                let pd = Pd::new(vehicle, merge(&self.servo(given)?, given)?, actions)?;
-                Arc::new(PdRestoring::new(pd, indices, scene))
-            }
-            ControllerKind::Pid => {
-                // The default integral gains follow from the others.
-                let pd: GainMap =
-                    given.iter().filter(|(name, _)| *name != "ki").map(|(n, v)| (n.clone(), v.clone())).collect();
-                let gains = merge(&PidGains::from_pd(merge(&self.servo(given)?, &pd)?), given)?;
-                Arc::new(Pid::new(vehicle, gains, actions, period)?)
-            }
-            ControllerKind::Dob => {
-                let observer = ObserverGains { delay: self.told_delay(given), ..ObserverGains::default() };
-                let gains = merge(&FeedbackGains::new(self.servo(given)?, observer), given)?;
-                Arc::new(ModelBased::new(LawGains::Dob(gains), indices, scene, actions, period)?)
-            }
-            ControllerKind::DobAdaptive => {
-                let [_, delay] = self.delays();
-                let gains = merge(&AdaptiveGains::new(self.servo(given)?, delay), given)?;
-                Arc::new(ModelBased::new(LawGains::Adaptive(gains), indices, scene, actions, period)?)
-            }
-            ControllerKind::ComputedTorque => {
-                let mut servo = self.servo(given)?;
-                let inertia = Plant::new(scene).inertia(&self.model().home);
-                for gains in [&mut servo.kp, &mut servo.kd] {
-                    gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
-                }
-                let gains = merge(&FeedbackGains::new(servo, ObserverGains::filtering(self.delay())), given)?;
-                Arc::new(ModelBased::new(LawGains::ComputedTorque(gains), indices, scene, actions, period)?)
-            }
-            ControllerKind::Mpc => {
-                let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
-                Arc::new(ModelBased::new(LawGains::Mpc(gains), indices, scene, actions, period)?)
-            }
-            ControllerKind::Nmpc => {
-                let gains = merge(&NmpcGains::station_keeping(self.delay()), given)?;
-                Arc::new(ModelBased::new(LawGains::Nmpc(gains), indices, scene, actions, period)?)
-            }
-            ControllerKind::None
-            | ControllerKind::ResolvedMotion
-            | ControllerKind::ResolvedAdaptive
-            | ControllerKind::DockPd => unreachable!("returned above"),
-        })
+    pub fn controller(&self, kind: ControllerKind, given: &GainMap) -> Made {
+        (kind.make)(self, given)
     }
 
-    /// Zero actions.
-    pub fn no_control(&self) -> NoControl {
-        NoControl::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
+    /// Without gains any is unknown.
+    fn none(&self, given: &GainMap) -> Made {
+        merge(&GainMap::new(), given)?;
+        Ok(Arc::new(NoControl::new(Widths {
+            observation: self.observation_len(),
+            memory: 0,
+            action: self.action_len(),
+        })))
     }
 
-    /// The paper's PD for this task, with these gains or the scene's own (`vehicle.servo`).
-    ///
-    /// # Errors
-    /// `TaskError` if there are no gains, or one is not finite or is negative.
-    pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        self.refuse_residual()?;
-        let gains = gains.map_or_else(|| self.servo(&GainMap::new()), Ok)?;
-        Ok(Pd::new(self.vehicle_indices()?, gains, self.actions().clone())?)
+    fn pd(&self, given: &GainMap) -> Made {
+        Ok(Arc::new(self.feedback(given)?))
+    }
+
+    /// A PD with the scene's gains where none are given.
+    fn feedback(&self, given: &GainMap) -> Result<Pd, TaskError> {
+        Ok(Pd::new(self.vehicle_indices()?, merge(&self.servo(given)?, given)?, self.direct_actions()?)?)
+    }
+
+    fn pd_restoring(&self, given: &GainMap) -> Made {
+        let pd = self.feedback(given)?;
+        let indices = self.model_indices(pd.indices());
+        Ok(Arc::new(PdRestoring::new(pd, indices, self.scene())))
+    }
+
+    fn pid(&self, given: &GainMap) -> Made {
+        // The default integral gains follow from the others.
+        let mut pd = given.clone();
+        pd.retain(|name, _| name != "ki");
+        let gains = merge(&PidGains::from_pd(merge(&self.servo(given)?, &pd)?), given)?;
+        Ok(Arc::new(Pid::new(self.vehicle_indices()?, gains, self.direct_actions()?, self.period())?))
+    }
+
+    fn dob(&self, given: &GainMap) -> Made {
+        let observer = ObserverGains { delay: self.known_delay(given), ..ObserverGains::default() };
+        self.model_based(LawGains::Dob(merge(&FeedbackGains::new(self.servo(given)?, observer), given)?))
+    }
+
+    fn adaptive_dob(&self, given: &GainMap) -> Made {
+        let [_, delay] = self.delays();
+        self.model_based(LawGains::Adaptive(merge(&AdaptiveGains::new(self.servo(given)?, delay), given)?))
+    }
+
+    fn computed_torque(&self, given: &GainMap) -> Made {
+        let mut servo = self.servo(given)?;
+        let inertia = NominalModel::new(self.scene()).inertia(&self.model().home);
+        for gains in [&mut servo.kp, &mut servo.kd] {
+            gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
+        }
+        let gains = FeedbackGains::new(servo, ObserverGains::filtering(self.delay()));
+        self.model_based(LawGains::ComputedTorque(merge(&gains, given)?))
+    }
+
+    fn mpc(&self, given: &GainMap) -> Made {
+        self.model_based(LawGains::Mpc(merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?))
+    }
+
+    fn nmpc(&self, given: &GainMap) -> Made {
+        if self.options().task.base() != BaseController::ResolvedMotion {
+            return self.model_based(LawGains::Nmpc(merge(&NmpcGains::station_keeping(self.delay()), given)?));
+        }
+        let gains = merge(&NmpcGains::tracking(self.delay()), given)?;
+        let (indices, actions) = (self.tracking_indices()?, self.direct_actions()?);
+        Ok(Arc::new(TrackingNmpc::new(self.scene(), indices, gains, actions, self.period())?))
+    }
+
+    fn model_based(&self, gains: LawGains) -> Made {
+        let indices = self.model_indices(&self.vehicle_indices()?);
+        Ok(Arc::new(ModelBased::new(gains, indices, self.scene(), self.direct_actions()?, self.period())?))
+    }
+
+    fn resolved_motion(&self, given: &GainMap) -> Made {
+        let gains = ResolvedMotionGains { delay: self.known_delay(given), ..ResolvedMotionGains::default() };
+        self.resolved(merge(&gains, given)?, self.direct_actions()?)
+    }
+
+    fn resolved(&self, gains: ResolvedMotionGains, actions: ActionMap) -> Made {
+        let indices = self.tracking_indices()?;
+        Ok(Arc::new(ResolvedMotion::new(self.scene(), indices, gains, actions, self.period())?))
+    }
+
+    fn adaptive_motion(&self, given: &GainMap) -> Made {
+        let mut gains = AdaptiveMotionGains::default();
+        [_, gains.motion.delay] = self.delays();
+        let (indices, actions) = (self.tracking_indices()?, self.direct_actions()?);
+        let gains = merge(&gains, given)?;
+        Ok(Arc::new(ResolvedMotion::adaptive(self.scene(), indices, gains, actions, self.period())?))
+    }
+
+    fn dock_pd(&self, given: &GainMap) -> Made {
+        let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
+        Ok(Arc::new(DockPd::new(self.dock_indices()?, gains, self.direct_actions()?)?))
     }
 
     /// The controller that actions correct, if they do: the PD with the scene's gains, or resolved motion.
@@ -188,32 +175,33 @@ impl Task {
         if self.options().action != ActionKind::Residual {
             return Ok(None);
         }
+        let (actions, none) = (self.model().actions.clone(), GainMap::new());
         Ok(Some(match self.options().task.base() {
-            BaseController::Pd => {
-                let indices = self.vehicle_indices()?;
-                Arc::new(Pd::new(indices, self.servo(&GainMap::new())?, self.actions().clone())?)
-            }
-            BaseController::ResolvedMotion => Arc::new(self.resolved_motion(ResolvedMotionGains::default())?),
+            BaseController::Pd => Arc::new(Pd::new(self.vehicle_indices()?, self.servo(&none)?, actions)?),
+            BaseController::ResolvedMotion => self.resolved(ResolvedMotionGains::default(), actions)?,
             BaseController::DockPd => {
-                let gains = DockPdGains::from_pd(self.servo(&GainMap::new())?);
-                Arc::new(DockPd::new(self.dock_indices()?, gains, self.actions().clone())?)
+                Arc::new(DockPd::new(self.dock_indices()?, DockPdGains::from_pd(self.servo(&none)?), actions)?)
             }
         }))
     }
 
+    fn period(&self) -> f64 {
+        self.options().control_period()
+    }
+
     /// Delay of the task's sensors where it is given as `null`, else 0.
-    fn told_delay(&self, given: &GainMap) -> usize {
+    fn known_delay(&self, given: &GainMap) -> usize {
         if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 }
     }
 
     /// Minimum and maximum age of the sensors' measurements, control periods.
     pub fn delays(&self) -> [usize; 2] {
-        self.disturbance().delay_range(self.options().control_period())
+        self.disturbance().delay_range(self.period())
     }
 
     /// Age of the sensors' measurements, control periods: the middle of its range.
     pub fn delay(&self) -> usize {
-        self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period(), 0.5))
+        self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.period(), 0.5))
     }
 
     /// Environment of a policy for this task.
@@ -223,7 +211,7 @@ impl Task {
             scene: self.scene_name().into(),
             action: self.options().action,
             actions: self.action_len(),
-            control_period: self.options().control_period(),
+            control_period: self.period(),
             observation: self.layout().blocks().iter().map(|block| (block.name.to_owned(), block.len())).collect(),
         }
     }
@@ -233,17 +221,14 @@ impl Task {
         TaskError::Scene { scene: self.scene_name().to_owned(), reason: reason.to_owned() }
     }
 
-    fn actions(&self) -> &ActionMap {
-        &self.model().actions
-    }
-
-    /// Refuses controllers where actions are corrections to one.
-    fn refuse_residual(&self) -> Result<(), TaskError> {
+    /// Actions of a controller; none where actions are corrections to one.
+    fn direct_actions(&self) -> Result<ActionMap, TaskError> {
         match self.options().action {
             ActionKind::Residual => {
-                Err(self.unfit("its actions are corrections to a controller: use NoControl for that alone"))
+                Err(self
+                    .unfit("its actions are corrections to a controller: use NoControl for the controller by itself"))
             }
-            _ => Ok(()),
+            _ => Ok(self.model().actions.clone()),
         }
     }
 
@@ -252,19 +237,9 @@ impl Task {
         let is_given = |name| given.get(name).is_some_and(|value| !value.is_null());
         match &self.scene().vehicle.servo {
             Some(servo) => Ok(servo.clone()),
-            None if is_given("kp") && is_given("kd") => Ok(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }),
+            None if is_given("kp") && is_given("kd") => Ok(VehicleServo::default()),
             None => Err(self.unfit("it gives no gains (vehicle.servo) for the PD")),
         }
-    }
-
-    fn resolved_motion(&self, gains: ResolvedMotionGains) -> Result<ResolvedMotion, TaskError> {
-        let (indices, period) = (self.tracking_indices()?, self.options().control_period());
-        Ok(ResolvedMotion::new(self.scene(), indices, gains, self.actions().clone(), period)?)
-    }
-
-    fn adaptive_motion(&self, gains: AdaptiveMotionGains) -> Result<ResolvedMotion, TaskError> {
-        let (indices, period) = (self.tracking_indices()?, self.options().control_period());
-        Ok(ResolvedMotion::adaptive(self.scene(), indices, gains, self.actions().clone(), period)?)
     }
 
     fn tracking_indices(&self) -> Result<TrackingIndices, TaskError> {

@@ -237,6 +237,20 @@ macro_rules! compiled_terms {
                 sum
             }
 
+            /// Wrench of all terms with the fins at the scene's deflections.
+            #[inline(always)]
+            pub fn passive_wrench<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+            where
+                P: Param<L>,
+            {
+                let (mut deflections, mut fins) = ([L::zero(); FINS], FinAxes::blank());
+                for i in 0..self.fins.len().min(FINS) {
+                    deflections[i] = self.fins[i].deflection.get();
+                }
+                fins.deflect(&self.fins, &deflections);
+                self.wrench(&TermInstant { twist, gravity, fins: &fins })
+            }
+
             /// Sets the numbers that factors scale.
             #[inline(always)]
             pub fn set_factors(&mut self, factors: &Factors<P>) {

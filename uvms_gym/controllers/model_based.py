@@ -156,12 +156,12 @@ class ComputedTorque(ModelBased):
 class MPC(ModelBased):
     """Linear model-predictive control, with the observer of `DOB`.
 
-    It plans the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, at minimum cost within the
-    thrusters' limits: squares of pose errors (1 rad as 0.5 m), of velocities, of the wrench beyond the compensation of
+    It plans the thrusts over the next 15 control periods, constant over 1, 2, 4 and 8 of them, at minimum cost within
+    their limits: squares of pose errors (1 rad as 0.5 m), of velocities, of the wrench beyond the compensation of
     disturbances (over its limits) and of its changes; beyond the plan, the cost of linear feedback. The model is
-    linear: nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance keep their
-    present values, waves continue. A plan without limits that keeps within them is optimal; otherwise a quadratic
-    program is solved (Clarabel).
+    linear: nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance have their
+    present values, waves continue. A plan without limits that is within them is optimal; otherwise a quadratic program
+    with bounds is solved.
 
     Parameters
     ----------

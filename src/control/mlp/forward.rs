@@ -18,7 +18,7 @@ const PAIR: usize = 2;
 #[repr(align(64))]
 struct Panel([f32; PANEL]);
 
-/// A layer with its weights in the order of their use; outputs are padded with zeros to whole tiles.
+/// A layer with its weights in the order of their use; outputs are padded with zeros to a multiple of a tile.
 #[derive(Debug, Clone)]
 struct PackedLayer {
     inputs: usize,
@@ -114,7 +114,7 @@ impl Kernel<f32> for Forward<'_> {
                     input[k].0[j] = row[k];
                 }
             }
-            // Lanes that hold instances, to whole pairs; the others are not read.
+            // Lanes with instances, rounded up to pairs; the others are not read.
             let used = rows.next_multiple_of(PAIR * L::LANES);
             if let Some((entries, clip)) = &self.packed.normalisation {
                 normalise::<L>(&mut input[..inputs], entries, *clip);

@@ -73,7 +73,7 @@ impl Mlp {
     /// of the actions in training.
     ///
     /// # Panics
-    /// Lengths are not those of n rows.
+    /// Lengths differ from n rows.
     pub fn mean(&self, inputs: &[f32], mean: &mut [f32]) {
         f32::dispatch(self.isa, &mut Forward::of_last_layer(&self.packed, inputs, mean));
     }

@@ -31,7 +31,7 @@ pub enum Output {
 /// `y = W x + b`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// W row by row: one row per output, as torch keeps it.
+    /// W row by row: one row per output, as in torch.
     pub weights: Vec<f32>,
     /// b, one per output.
     pub biases: Vec<f32>,

@@ -11,7 +11,7 @@ use crate::error::PolicyError;
 pub struct PolicySpec {
     /// Name of the task.
     pub task: String,
-    /// Name of the scene. A scene that is altered but keeps its name counts as the same.
+    /// Name of the scene. An altered scene of the same name counts as the same.
     pub scene: String,
     /// Meaning of the action.
     pub action: ActionKind,
@@ -38,7 +38,7 @@ impl PolicySpec {
         // Not to the last digit: a period is a product, and may have passed through a file.
         let period = |spec: &Self| format!("{:.9} s", spec.control_period);
         let blocks = self.observation.len().max(environment.observation.len());
-        let apart = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));
+        let different = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));
         let pairs = [
             ("task", self.task.clone(), environment.task.clone()),
             ("scene", self.scene.clone(), environment.scene.clone()),
@@ -47,8 +47,8 @@ impl PolicySpec {
             ("control period", period(self), period(environment)),
             (
                 "observation",
-                apart.map_or_else(String::new, |i| block(self, i)),
-                apart.map_or_else(String::new, |i| block(environment, i)),
+                different.map_or_else(String::new, |i| block(self, i)),
+                different.map_or_else(String::new, |i| block(environment, i)),
             ),
         ];
         match pairs.into_iter().find(|(_, own, other)| own != other) {

@@ -2,18 +2,17 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
+use super::PARAMETERS;
 use super::gains::MpcGains;
 use crate::control::indices::ATTITUDE_LEVER;
 use crate::control::kalman::WaveTransition;
-use crate::control::plant::{Plant, lag_decay};
+use crate::control::nominal_model::{NominalModel, lag_decay};
+use crate::control::thrusts::MIN_EFFORT;
+use crate::optimize::cost_to_go;
 use crate::system::Joints;
 
-/// Control periods for which each wrench of a plan is held.
+/// Control periods of each move of a plan, over which its thrusts are constant.
 pub const MOVES: [usize; 4] = [1, 2, 4, 8];
-/// Control periods of the Riccati iteration for the cost beyond the plan.
-const TAIL: usize = 200;
-/// Minimum weight on effort: without any the cost has no minimum.
-const MIN_EFFORT: f64 = 1e-8;
 
 /// The linear model, and the square roots of the weights.
 pub struct LinearModel {
@@ -27,7 +26,7 @@ pub struct LinearModel {
     velocity: Vector6<f64>,
     effort: Vector6<f64>,
     change: Vector6<f64>,
-    /// Root of the cost beyond the plan, by pose error, twist, and wrench beyond compensation.
+    /// Hessian of the cost beyond the plan, by pose error, twist, and wrench beyond compensation.
     tail: DMatrix<f64>,
     frequency: f64,
 }
@@ -38,9 +37,9 @@ fn six(from: &[f64], k: usize) -> Vector6<f64> {
 }
 
 impl LinearModel {
-    pub fn new(plant: &Plant, home: &Joints, unit: [f64; 6], gains: &MpcGains, period: f64) -> Self {
-        let inertia = plant.inertia(home);
-        let (end, mean) = lag_decay(period, plant.lag());
+    pub fn new(model: &NominalModel, home: &Joints, unit: [f64; 6], gains: &MpcGains, period: f64) -> Self {
+        let inertia = model.inertia(home);
+        let (end, mean) = lag_decay(period, model.lag());
         let pushes = unit.map(|limit| limit > 0.0);
         let root = |k: usize, weight: f64| if pushes[k] { weight.sqrt() } else { 0.0 };
         let lever = |k: usize| if k < 3 { 1.0 } else { ATTITUDE_LEVER };
@@ -59,7 +58,7 @@ impl LinearModel {
             tail: DMatrix::zeros(18, 18),
             frequency: gains.observer.wave_frequency,
         };
-        model.tail = model.cost_to_go();
+        model.tail = model.cost_beyond();
         model
     }
 
@@ -83,51 +82,53 @@ impl LinearModel {
         Vector6::from_fn(|k, _| if self.unit[k] > 0.0 { wrench[k] / self.unit[k] } else { 0.0 })
     }
 
-    /// Root of the cost of linear feedback from a state on, by its Riccati equation.
-    fn cost_to_go(&self) -> DMatrix<f64> {
-        let (mut a, mut b) = (DMatrix::zeros(18, 18), DMatrix::zeros(18, 6));
+    /// Hessian of the cost of linear feedback from a state on.
+    fn cost_beyond(&self) -> DMatrix<f64> {
+        let mut dynamics = DMatrix::zeros(18, 24);
         for column in 0..24 {
             let mut x = [0.0; 24];
             x[column] = 1.0;
             let mut state = [six(&x, 0), six(&x, 1), six(&x, 2)];
             self.step(&mut state, Vector6::zeros(), self.units(six(&x, 3)));
             let after = DVector::from_iterator(18, state.iter().flat_map(|part| part.iter().copied()));
-            if column < 18 { a.set_column(column, &after) } else { b.set_column(column - 18, &after) }
+            dynamics.set_column(column, &after);
         }
-        let mut weight = DMatrix::zeros(18, 18);
-        let mut effort = DMatrix::identity(6, 6);
+        let mut hessian = DMatrix::zeros(24, 24);
         for k in 0..6 {
-            weight[(k, k)] = self.pose[k].powi(2);
-            weight[(6 + k, 6 + k)] = self.velocity[k].powi(2);
-            if self.unit[k] > 0.0 {
-                effort[(k, k)] = self.effort[k].powi(2).max(MIN_EFFORT);
-            }
+            hessian[(k, k)] = self.pose[k].powi(2);
+            hessian[(6 + k, 6 + k)] = self.velocity[k].powi(2);
+            hessian[(18 + k, 18 + k)] = if self.unit[k] > 0.0 { self.effort[k].powi(2).max(MIN_EFFORT) } else { 1.0 };
         }
-        let mut cost = weight.clone();
-        for _ in 0..TAIL {
-            let cost_b = &cost * &b;
-            let Some(inverse) = (&effort + b.tr_mul(&cost_b)).try_inverse() else { break };
-            let feedback = inverse * cost_b.tr_mul(&a);
-            let closed = &a - &b * &feedback;
-            cost = &weight + closed.tr_mul(&(&cost * &closed)) + feedback.tr_mul(&(&effort * &feedback));
-            cost = (&cost + cost.transpose()) * 0.5;
-        }
-        let eigen = cost.symmetric_eigen();
-        let roots = eigen.eigenvalues.map(|x| x.max(0.0).sqrt());
-        DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
+        cost_to_go(&hessian, &dynamics)
     }
 
-    /// Square roots of the terms of a plan's cost; linear in plan and parameters.
-    pub fn residuals(&self, plan: &[f64], parameters: &[f64]) -> Vec<f64> {
+    /// Hessian of a plan's cost by its wrenches, N and N m, and the parameters.
+    pub fn hessian(&self) -> DMatrix<f64> {
+        let size = 6 * MOVES.len() + PARAMETERS;
+        let column = |k: usize| {
+            let mut all = vec![0.0; size];
+            all[k] = 1.0;
+            self.residuals(&all[..6 * MOVES.len()], &all[6 * MOVES.len()..])
+        };
+        let (roots, ends): (Vec<_>, Vec<_>) = (0..size).map(column).unzip();
+        let (roots, ends) = (DMatrix::from_columns(&roots), DMatrix::from_columns(&ends));
+        roots.tr_mul(&roots) + ends.tr_mul(&(&self.tail * &ends))
+    }
+
+    /// Cost of a plan, by its wrenches, N and N m, and its parameters.
+    pub fn cost(&self, plan: &[f64], parameters: &[f64]) -> f64 {
+        let (roots, end) = self.residuals(plan, parameters);
+        roots.norm_squared() + end.dot(&(&self.tail * &end))
+    }
+
+    /// Square roots of the terms of a plan's cost, and the state at its end; linear in plan and parameters.
+    fn residuals(&self, plan: &[f64], parameters: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let mut state = [six(parameters, 0), six(parameters, 1), six(parameters, 2)];
         let [mut last, steady, wave, rate] = [3, 4, 5, 6].map(|k| six(parameters, k));
-        let (mut all, mut time) = (Vec::new(), 0.0);
+        let (mut all, mut time): (Vec<f64>, _) = (Vec::new(), 0.0);
         let mut external = steady;
         for (k, periods) in MOVES.into_iter().enumerate() {
-            let share = six(plan, k);
-            let command = self.units(share);
-            // An axis without thrust is held at 0.
-            all.extend((0..6).filter(|&k| self.unit[k] == 0.0).map(|k| share[k]));
+            let command = six(plan, k);
             all.extend(self.change.component_mul(&self.over_units(command - last)).iter());
             last = command;
             for _ in 0..periods {
@@ -142,7 +143,6 @@ impl LinearModel {
             }
         }
         let end = DVector::from_iterator(18, state[0].iter().chain(&state[1]).chain(&(state[2] + external)).copied());
-        all.extend((&self.tail * end).iter());
-        all
+        (DVector::from_vec(all), end)
     }
 }

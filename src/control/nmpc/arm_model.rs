@@ -3,32 +3,38 @@
 
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
-use super::real_time::Model;
+use super::real_time::PlanModel;
 use crate::control::ActionMap;
-use crate::control::resolved_motion::{Bank, Estimate, ModelTerms, NominalModel, TrackingState};
-use crate::dynamics::Velocities;
-
-/// Step of differences.
-const STEP: f64 = 1e-6;
+use crate::control::equations::{ChainState, Equations, Velocities};
+use crate::control::nominal_model::NominalModel;
+use crate::control::resolved_motion::{MotionBank, MotionEstimate, TrackingState};
+use crate::control::thrusts::RelativeThrusts;
 
 /// Entries of a state, `[pose error (6); up (3); q (n); V (6); q' (n); thrusters' wrench (6)]`, and of inputs: thrusts
 /// and torques over their ranges.
-pub struct Layout {
+pub struct PlanLayout {
+    /// Number of joints n.
     pub joints: usize,
-    /// Wrench per relative thrust, and its pseudo-inverse.
-    wrench: DMatrix<f64>,
-    inverse: DMatrix<f64>,
+    /// Thrusts.
+    pub thrusts: RelativeThrusts,
+    /// Torque of 1, N m or N.
     torques: Vec<f64>,
 }
 
-impl Layout {
+impl PlanLayout {
+    /// Layout for these actions.
     pub fn new(actions: &ActionMap) -> Self {
-        let (allocation, torques) = (actions.allocation(), actions.torques().to_vec());
-        let range = |i: usize| allocation.range(i);
-        let wrench = DMatrix::from_fn(6, allocation.count(), |k, i| allocation.column(i)[k] * range(i));
-        let over = |i: usize, x: f64| if range(i) > 0.0 { x / range(i) } else { 0.0 };
-        let inverse = DMatrix::from_fn(allocation.count(), 6, |i, k| over(i, allocation.pseudo_inverse(i)[k]));
-        Self { joints: torques.len(), wrench, inverse, torques }
+        let (thrusts, torques) = (RelativeThrusts::new(actions.allocation()), actions.torques().to_vec());
+        Self { joints: torques.len(), thrusts, torques }
+    }
+
+    /// Minimum and maximum inputs.
+    pub fn bounds(&self) -> [DVector<f64>; 2] {
+        [0, 1].map(|side| {
+            let mut bound = DVector::from_element(self.inputs(), [-1.0, 1.0][side]);
+            bound.rows_mut(0, self.thrusts.count()).copy_from(&self.thrusts.bounds[side]);
+            bound
+        })
     }
 
     /// Entries of a state.
@@ -38,7 +44,7 @@ impl Layout {
 
     /// Entries of the inputs.
     pub fn inputs(&self) -> usize {
-        self.wrench.ncols() + self.joints
+        self.thrusts.count() + self.joints
     }
 
     /// Place of the velocities.
@@ -53,25 +59,20 @@ impl Layout {
 
     /// Entry `k` of the wrench per input.
     pub fn wrench(&self, k: usize, input: usize) -> f64 {
-        if input < self.wrench.ncols() { self.wrench[(k, input)] } else { 0.0 }
-    }
-
-    /// Projection of thrusts onto those without a wrench.
-    pub fn cancelling(&self) -> DMatrix<f64> {
-        DMatrix::identity(self.wrench.ncols(), self.wrench.ncols()) - &self.inverse * &self.wrench
+        if input < self.thrusts.count() { self.thrusts.wrench[(k, input)] } else { 0.0 }
     }
 
     /// Wrench and torques of inputs.
     pub fn effort(&self, inputs: &DVector<f64>) -> Velocities {
-        let (mut effort, count) = (Velocities::zeros(), self.wrench.ncols());
-        effort.fixed_rows_mut::<6>(0).copy_from(&(&self.wrench * inputs.rows(0, count)));
+        let (mut effort, count) = (Velocities::zeros(), self.thrusts.count());
+        effort.fixed_rows_mut::<6>(0).copy_from(&(&self.thrusts.wrench * inputs.rows(0, count)));
         (0..self.joints).for_each(|k| effort[6 + k] = self.torques[k] * inputs[count + k]);
         effort
     }
 
     /// Inputs of an effort, without limits.
     pub fn relative(&self, effort: &Velocities) -> DVector<f64> {
-        let thrusts = &self.inverse * effort.fixed_rows::<6>(0);
+        let thrusts = &self.thrusts.inverse * effort.fixed_rows::<6>(0);
         let over = |k: usize| if self.torques[k] > 0.0 { effort[6 + k] / self.torques[k] } else { 0.0 };
         DVector::from_iterator(self.inputs(), thrusts.iter().copied().chain((0..self.joints).map(over)))
     }
@@ -79,14 +80,16 @@ impl Layout {
 
 /// The nominal model from the present on.
 pub struct ArmModel<'a> {
-    pub layout: &'a Layout,
+    /// Entries of states and inputs.
+    pub layout: &'a PlanLayout,
+    /// The model.
     pub model: &'a NominalModel,
-    pub bank: &'a Bank,
-    /// The present, and the terms of the model there.
-    pub estimate: &'a Estimate,
-    pub terms: &'a ModelTerms,
+    pub(super) bank: &'a MotionBank,
+    /// The present, and the equations of motion there.
+    pub(super) estimate: &'a MotionEstimate,
+    pub(super) equations: &'a Equations,
     /// Mean twist of the reference in each control period.
-    pub rates: &'a [Vector6<f64>],
+    pub(super) rates: &'a [Vector6<f64>],
 }
 
 impl ArmModel<'_> {
@@ -97,9 +100,7 @@ impl ArmModel<'_> {
 
     /// Effort that holds the present velocities against the model's forces and the disturbance.
     pub fn holding_effort(&self) -> Velocities {
-        let mut hold = self.terms.motion.bias - self.estimate.disturbance;
-        (0..self.layout.joints).for_each(|k| hold[6 + k] -= self.terms.passive[k].torque);
-        hold
+        self.equations.bias - self.estimate.disturbance
     }
 
     fn pack(&self, state: &TrackingState, wrench: &Vector6<f64>) -> DVector<f64> {
@@ -121,30 +122,55 @@ impl ArmModel<'_> {
     }
 
     /// Derivatives of the first control period by z, at the present state and command.
+    ///
+    /// The acceleration a solves `(M + T D) a + h = f`: its derivatives follow from the derivatives of the left side.
     pub fn dynamics(&self) -> DMatrix<f64> {
-        let (layout, s, thrust) = (self.layout, self.layout.states(), self.estimate.wrench);
-        let (x, held) = (self.present(), self.layout.relative(&self.holding_effort()));
-        let mut dynamics = DMatrix::zeros(s, s + layout.inputs());
-        // The error changes itself alone; thrusters and inputs change the forces alone.
-        (0..6).for_each(|k| dynamics[(k, k)] = 1.0);
-        let (base, _) = self.unpack(0, &x);
-        let by_force =
-            |wrench: Vector6<f64>, inputs: &DVector<f64>| self.advance(self.terms, (base.clone(), wrench), inputs);
-        let from = by_force(thrust, &held);
-        for k in 6..layout.thrust() {
-            let mut x = x.clone();
-            x[k] += STEP;
-            dynamics.set_column(k, &((self.step(0, &x, &held) - &from) / STEP));
-        }
+        let (layout, predictor, now) = (self.layout, &self.bank.predictor, &self.estimate.now);
+        let (n, s, period) = (layout.joints, layout.states(), predictor.period);
+        let [end, mean_gap] = predictor.lag;
+        let hold = self.holding_effort();
+        let effort = layout.effort(&layout.relative(&hold));
+        let mut force = effort - hold;
         for k in 0..6 {
-            let mut wrench = thrust;
-            wrench[k] += 1.0;
-            dynamics.set_column(layout.thrust() + k, &(by_force(wrench, &held) - &from));
+            force[k] += (self.estimate.wrench[k] - effort[k]) * mean_gap;
         }
-        for k in 0..layout.inputs() {
-            let mut inputs = held.clone();
-            inputs[k] += STEP;
-            dynamics.set_column(s + k, &((by_force(thrust, &inputs) - &from) / STEP));
+        let acceleration = self.equations.solve(&force);
+        let mean = now.velocities + acceleration * (0.5 * period);
+        let by_state = self.model.force_derivatives(now.chain(), &acceleration, period);
+        let by_joint = self.model.twist_derivatives(ChainState { velocities: &mean, ..now.chain() });
+        let omega = mean.fixed_rows::<3>(3).into_owned();
+        let mut dynamics = DMatrix::identity(s, s + layout.inputs());
+        for z in 6..s + layout.inputs() {
+            // The change of state and effort, and of the force that accelerates.
+            let (mut x, mut effort) = (DVector::zeros(s), Velocities::zeros());
+            let mut force = Velocities::zeros();
+            if z < s {
+                x[z] = 1.0;
+            } else {
+                let mut inputs = DVector::zeros(layout.inputs());
+                inputs[z - s] = 1.0;
+                effort = layout.effort(&inputs);
+                force = effort;
+            }
+            if z < layout.thrust() {
+                force = -by_state[z - 6];
+            }
+            let (change, wrench) = self.unpack(0, &x);
+            for k in 0..6 {
+                force[k] += (wrench[k] - effort[k]) * mean_gap;
+            }
+            let acceleration = self.equations.solve(&force);
+            let TrackingState { mut error, mut up, mut q, velocities, .. } = change;
+            let twist: Velocities = velocities + acceleration * (0.5 * period);
+            error += self.equations.jacobian * twist * period;
+            for k in 0..n {
+                error += by_joint[k] * (q[k] * period);
+                q[k] += twist[6 + k] * period;
+            }
+            up += (up.cross(&omega) + now.up.cross(&twist.fixed_rows::<3>(3))) * period;
+            let wrench = effort.fixed_rows::<6>(0) + (wrench - effort.fixed_rows::<6>(0)) * end;
+            let velocities = velocities + acceleration * period;
+            dynamics.set_column(z, &self.pack(&TrackingState { error, up, q, velocities, ..now.clone() }, &wrench));
         }
         dynamics
     }
@@ -152,19 +178,19 @@ impl ArmModel<'_> {
     /// State a control period later.
     fn advance(
         &self,
-        terms: &ModelTerms,
+        equations: &Equations,
         (mut state, mut wrench): (TrackingState, Vector6<f64>),
         inputs: &DVector<f64>,
     ) -> DVector<f64> {
         let forces = [&self.layout.effort(inputs), &self.estimate.disturbance];
-        self.bank.predictor.advance(self.model, terms, (&mut state, &mut wrench), forces, 0.0);
+        self.bank.predictor.advance(equations, (&mut state, &mut wrench), forces, 0.0);
         self.pack(&state, &wrench)
     }
 }
 
-impl Model for ArmModel<'_> {
+impl PlanModel for ArmModel<'_> {
     fn step(&self, knot: usize, x: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64> {
         let from = self.unpack(knot, x);
-        self.advance(&self.model.terms(&from.0), from, inputs)
+        self.advance(&self.bank.predictor.equations(self.model, &from.0), from, inputs)
     }
 }

@@ -2,12 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::gains;
 use crate::control::observer::ObserverGains;
-use crate::control::resolved_motion::{MAX_DELAY, ResolvedMotionGains};
-use crate::error::ControlError;
+use crate::control::resolved_motion::ResolvedMotionGains;
 
-/// Gains of NMPC: weights of the cost, and those of the observer. Lists of three: linear, angular, joints; angles count
+/// Gains of NMPC: weights of the cost, and gains of the observer. Lists of three: linear, angular, joints; angles count
 /// by [`ATTITUDE_LEVER`](crate::control::ATTITUDE_LEVER).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NmpcGains {
@@ -16,15 +14,15 @@ pub struct NmpcGains {
     /// On forces, moments and torques beyond the compensation of the model's forces and of disturbances, over their
     /// limits, m2.
     pub effort: [f64; 3],
-    /// On the change of forces and moments: the command less the thrusters' present wrench, over their limits, m2.
+    /// On the change of forces and moments: the command minus the thrusters' present wrench, over their limits, m2.
     pub change: [f64; 2],
-    /// On the distance of joints from home, m2; tracking alone.
+    /// On the distance of joints from home, m2; in tracking only.
     pub posture: f64,
-    /// On the tilt of the vehicle, m2; tracking alone.
+    /// On the tilt of the vehicle, m2; in tracking only.
     pub levelling: f64,
     /// Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints.
     pub observer_bandwidth: [f64; 3],
-    /// As for [`ObserverGains`]; station keeping alone.
+    /// As for [`ObserverGains`]; in station keeping only.
     pub wave_acceleration: [f64; 2],
     pub wave_frequency: f64,
     pub acceleration_noise: [f64; 2],
@@ -80,13 +78,5 @@ impl NmpcGains {
     pub(super) fn predictor(&self) -> ResolvedMotionGains {
         let Self { observer_bandwidth, delay, .. } = *self;
         ResolvedMotionGains { observer_bandwidth, delay, ..ResolvedMotionGains::default() }
-    }
-
-    pub(in crate::control) fn check(&self) -> Result<(), ControlError> {
-        gains::check(self)?;
-        match self.delay {
-            periods if periods > MAX_DELAY => Err(ControlError::Delay { periods, most: MAX_DELAY }),
-            _ => Ok(()),
-        }
     }
 }

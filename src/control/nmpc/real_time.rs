@@ -2,15 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
-
-/// Step of the cost's Riccati recursion at which it ends, over its maximum entry.
-const SETTLED: f64 = 1e-9;
-/// Maximum number of its steps.
-const TAIL: usize = 400;
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, cost_to_go, solve};
 
 /// Discrete model of the controlled system over a plan's control periods.
-pub trait Model {
+pub trait PlanModel {
     /// State after control period `knot` from a state under inputs.
     fn step(&self, knot: usize, state: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64>;
 }
@@ -25,24 +20,11 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// By weighted residuals `roots z`; its end is the cost of linear feedback from there on, without limits, by the
-    /// Riccati recursion of linear dynamics `x' = dynamics z`.
+    /// By weighted residuals `roots z`; its end is the cost of linear feedback from there on, without limits, for
+    /// linear dynamics `x' = dynamics z`.
     pub fn new(roots: &DMatrix<f64>, dynamics: &DMatrix<f64>) -> Self {
-        let (hessian, states) = (roots.tr_mul(roots), dynamics.nrows());
-        let inputs = hessian.nrows() - states;
-        let mut end = hessian.view((0, 0), (states, states)).into_owned();
-        for _ in 0..TAIL {
-            let all = &hessian + dynamics.tr_mul(&(&end * dynamics));
-            let by_inputs = all.view((states, 0), (inputs, states)).into_owned();
-            let Some(factor) = all.view((states, states), (inputs, inputs)).into_owned().cholesky() else { break };
-            let next = all.view((0, 0), (states, states)) - by_inputs.tr_mul(&factor.solve(&by_inputs));
-            let next = (&next + next.transpose()) * 0.5;
-            let moved = (&next - &end).amax();
-            end = next;
-            if moved <= SETTLED * end.amax() {
-                break;
-            }
-        }
+        let hessian = roots.tr_mul(roots);
+        let end = cost_to_go(&hessian, dynamics);
         Self { hessian, end }
     }
 }
@@ -64,7 +46,7 @@ pub struct Plan<'a, M> {
 
 type Trajectory = (Vec<DVector<f64>>, Vec<DVector<f64>>);
 
-impl<'a, M: Model> Plan<'a, M> {
+impl<'a, M: PlanModel> Plan<'a, M> {
     /// The plan of a row of memory from a state on.
     pub fn new(
         model: &'a M,
@@ -131,7 +113,7 @@ fn stacked(state: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64> {
     DVector::from_iterator(state.len() + inputs.len(), state.iter().chain(inputs).copied())
 }
 
-impl<M: Model> Problem for Plan<'_, M> {
+impl<M: PlanModel> Problem for Plan<'_, M> {
     fn expand(&mut self) -> Expansion {
         let (inputs, states) = &self.present;
         let knot = |k: usize| Knot {

@@ -1,31 +1,29 @@
-//! End-effector tracking: the plan of thrusts and torques that follow the reference, from observations alone.
+//! End-effector tracking: the plan of thrusts and torques that follow the reference.
 
 use nalgebra::{DMatrix, DVector, Vector6};
 
-use super::CANCELLING;
-use super::arm_model::{ArmModel, Layout};
+use super::arm_model::{ArmModel, PlanLayout};
 use super::gains::NmpcGains;
 use super::real_time::{Cost, Plan};
 use crate::control::controller::{Controller, Widths};
-use crate::control::gains::{GainMap, to_map};
+use crate::control::gains::{self, GainMap, MAX_DELAY, to_map};
 use crate::control::indices::ATTITUDE_LEVER;
-use crate::control::resolved_motion::{Bank, NominalModel, TrackingIndices, reached};
+use crate::control::nominal_model::NominalModel;
+use crate::control::resolved_motion::{MotionBank, MotionEstimates, TrackingIndices, reached};
+use crate::control::thrusts::MIN_EFFORT;
 use crate::control::{ActionMap, Actuation};
 use crate::description::Scene;
 use crate::error::ControlError;
-use crate::limits::interrupt;
 
 /// Control periods of a plan.
 const HORIZON: usize = 10;
-/// Weight on the pose error at a plan's end, over that of a knot.
+/// Weight on the pose error at a plan's end, relative to a knot's.
 const END: f64 = 5.0;
-/// Minimum weight on effort, m2: without any the cost has no minimum.
-const MIN_EFFORT: f64 = 1e-8;
 
 /// Nonlinear model-predictive control of vehicle and arm: the plan of thrusts and joint torques over the next
 /// [`HORIZON`] control periods, improved by one real-time iteration in each.
 ///
-/// The model, the disturbance observer and the prediction of the present are those of
+/// Model, disturbance observer and prediction of the present are shared with
 /// [`ResolvedMotion`](crate::control::ResolvedMotion); the points of the reference that are observed ahead are met at
 /// their times.
 pub struct TrackingNmpc {
@@ -34,9 +32,9 @@ pub struct TrackingNmpc {
     actions: ActionMap,
     actuation: Actuation<f64>,
     model: NominalModel,
-    bank: Bank,
+    bank: MotionBank,
     home: Vec<f64>,
-    layout: Layout,
+    layout: PlanLayout,
     bounds: [DVector<f64>; 2],
     cost: Cost,
 }
@@ -45,8 +43,7 @@ impl TrackingNmpc {
     /// For a checked scene, to act every `period` s.
     ///
     /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative, a delay beyond
-    /// [`MAX_DELAY`](crate::control::MAX_DELAY), or a scene that does not compose.
+    /// `ControlError` for a gain that is not finite or is negative, or a delay beyond [`MAX_DELAY`].
     pub fn new(
         scene: &Scene,
         indices: TrackingIndices,
@@ -54,21 +51,17 @@ impl TrackingNmpc {
         actions: ActionMap,
         period: f64,
     ) -> Result<Self, ControlError> {
-        gains.check()?;
-        let (layout, allocation) = (Layout::new(&actions), actions.allocation());
-        let over = |i: usize, x: f64| if allocation.range(i) > 0.0 { x / allocation.range(i) } else { 0.0 };
-        let bounds = [0, 1].map(|side| {
-            let thrusts = (0..allocation.count()).map(|i| over(i, allocation.limits(i)[side]));
-            let torque = [-1.0, 1.0][side];
-            DVector::from_iterator(layout.inputs(), thrusts.chain(actions.torques().iter().map(|_| torque)))
-        });
-        let roots = roots(&layout, &gains, &allocation.wrench_limits());
+        gains::check(&gains)?;
+        gains::check_delay(gains.delay, MAX_DELAY)?;
+        let (layout, model) = (PlanLayout::new(&actions), NominalModel::new(scene));
+        let roots = roots(&layout, &gains, &actions.allocation().wrench_limits());
         let hessian = roots.tr_mul(&roots);
         let mut end = hessian.view((0, 0), (layout.states(), layout.states())).into_owned();
         end.view_mut((0, 0), (6, 6)).scale_mut(END);
         Ok(Self {
-            model: NominalModel::new(scene, period)?,
-            bank: Bank::single(gains.predictor(), scene, &actions, period),
+            bank: MotionBank::single(gains.predictor(), &model, &actions, period),
+            bounds: layout.bounds(),
+            model,
             home: scene.joints().map(|joint| joint.home).collect(),
             actuation: Actuation::new(&actions),
             cost: Cost { hessian, end },
@@ -76,7 +69,6 @@ impl TrackingNmpc {
             gains,
             actions,
             layout,
-            bounds,
         })
     }
 
@@ -88,38 +80,53 @@ impl TrackingNmpc {
     /// One action, and the memory that follows.
     fn control(&self, observation: &[f32], memory: &mut [f64], action: &mut [f32]) {
         let (memory, plan) = memory.split_at_mut(self.bank.memory());
-        let measured = self.indices.read(&self.home, observation);
-        let points = self.indices.points(&measured.error, observation);
-        let estimates = self.bank.estimate(&self.model, &measured, memory);
-        let (estimate, terms) = estimates.likeliest();
-        let rates = self.reference_rates(&measured.reference, &points);
-        let model =
-            ArmModel { layout: &self.layout, model: &self.model, bank: &self.bank, estimate, terms, rates: &rates };
-        let targets = self.targets(&model);
-        let dynamics = model.dynamics();
-        let state = model.present();
-        let plan_of = Plan::new(&model, (&self.cost, &dynamics), &targets, &self.bounds, state, plan);
-        let effort = self.layout.effort(&plan_of.improve(plan));
+        let (inputs, estimates) = self.at(observation, memory, |model| {
+            let (targets, dynamics) = (self.targets(model), model.dynamics());
+            let from = Plan::new(model, (&self.cost, &dynamics), &targets, &self.bounds, model.present(), plan);
+            from.improve(plan)
+        });
+        let effort = self.layout.effort(&inputs);
         let wrench = effort.fixed_rows::<6>(0).into_owned();
         self.actions.normalise_all(&wrench, &effort.as_slice()[6..6 + self.layout.joints], action);
         let reached = reached(&self.actuation, action);
-        self.bank.remember(&self.model, estimates, &reached, memory);
+        self.bank.remember(estimates, &reached, memory);
+    }
+
+    /// Evaluates `work` with the model from the present of an observation on, and returns the estimates of the present too.
+    pub(super) fn at<T>(
+        &self,
+        observation: &[f32],
+        memory: &mut [f64],
+        work: impl FnOnce(&ArmModel) -> T,
+    ) -> (T, MotionEstimates) {
+        let measured = self.indices.read(&self.home, observation);
+        let points = self.indices.points(&measured.error, observation);
+        let estimates = self.bank.estimate(&self.model, &measured, memory);
+        let (estimate, equations) = estimates.likeliest();
+        let rates = self.reference_rates(&measured.reference, &points);
+        let (layout, model, bank) = (&self.layout, &self.model, &self.bank);
+        (work(&ArmModel { layout, model, bank, estimate, equations, rates: &rates }), estimates)
+    }
+
+    /// Evaluates `work` with the model from an observation on that is the first of its episode.
+    pub fn at_first<T>(&self, observation: &[f32], work: impl FnOnce(&ArmModel) -> T) -> T {
+        self.at(observation, &mut vec![0.0; self.bank.memory()], work).0
     }
 
     /// Mean twist of the reference in each control period: of constant acceleration to the first point ahead, of
     /// constant velocity from point to point, and beyond the last.
-    fn reference_rates(&self, twist: &Vector6<f64>, (points, apart): &(Vec<Vector6<f64>>, f64)) -> Vec<Vector6<f64>> {
-        let period = self.model.period;
+    fn reference_rates(&self, twist: &Vector6<f64>, (points, spacing): &(Vec<Vector6<f64>>, f64)) -> Vec<Vector6<f64>> {
+        let period = self.bank.predictor.period;
         let at = |time: f64| -> Vector6<f64> {
             let Some(first) = points.first() else { return twist * time };
-            if time <= *apart {
-                return twist * time + (first - twist * *apart) * (time / apart).powi(2);
+            if time <= *spacing {
+                return twist * time + (first - twist * *spacing) * (time / spacing).powi(2);
             }
-            let k = ((time / apart) as usize).min(points.len() - 1).max(1);
+            let k = ((time / spacing) as usize).min(points.len() - 1).max(1);
             if points.len() == 1 {
-                return first + (first * (2.0 / apart) - twist) * (time - apart);
+                return first + (first * (2.0 / spacing) - twist) * (time - spacing);
             }
-            points[k - 1] + (points[k] - points[k - 1]) * (time / apart - k as f64)
+            points[k - 1] + (points[k] - points[k - 1]) * (time / spacing - k as f64)
         };
         (0..HORIZON).map(|k| (at((k + 1) as f64 * period) - at(k as f64 * period)) / period).collect()
     }
@@ -141,7 +148,7 @@ impl TrackingNmpc {
 }
 
 /// Roots of a knot's cost: rows of weighted residuals of z.
-fn roots(layout: &Layout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
+fn roots(layout: &PlanLayout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
     let (n, s, w) = (layout.joints, layout.states(), layout.inputs());
     let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
     let lever = |k: usize| if k < 3 { 1.0 } else { ATTITUDE_LEVER };
@@ -167,10 +174,8 @@ fn roots(layout: &Layout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
         row(&[(layout.velocity() + 6 + k, gains.velocity[2].sqrt() * ATTITUDE_LEVER)]);
         row(&[(s + w - n + k, gains.effort[2].max(MIN_EFFORT).sqrt())]);
     }
-    let most = gains.effort.iter().chain(&gains.change).fold(MIN_EFFORT, |a, b| a.max(*b));
-    for cancelling in layout.cancelling().row_iter() {
-        let weight = (CANCELLING * most).sqrt();
-        row(&cancelling.iter().enumerate().map(|(i, x)| (s + i, x * weight)).collect::<Vec<_>>());
+    for cancelling in layout.thrusts.cancelling_root(gains.effort.iter().chain(&gains.change)).row_iter() {
+        row(&cancelling.iter().enumerate().map(|(i, x)| (s + i, *x)).collect::<Vec<_>>());
     }
     DMatrix::from_fn(rows.len(), s + w, |i, k| rows[i][k])
 }
@@ -192,15 +197,8 @@ impl Controller for TrackingNmpc {
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        let widths = self.widths();
-        widths.rows(observations, memory, actions)?;
-        let rows = observations.chunks_exact(widths.observation).zip(memory.chunks_exact_mut(widths.memory));
-        for ((observation, memory), action) in rows.zip(actions.chunks_exact_mut(widths.action)) {
-            if interrupt::requested() {
-                break;
-            }
+        self.widths().each_row(observations, memory, actions, |observation, memory, action| {
             self.control(observation, memory, action);
-        }
-        Ok(())
+        })
     }
 }

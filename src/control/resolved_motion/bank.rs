@@ -3,30 +3,30 @@
 use nalgebra::Vector6;
 
 use super::gains::ResolvedMotionGains;
-use super::model::{ModelTerms, NominalModel, TrackingState};
 use super::predictor::Predictor;
+use super::reading::TrackingState;
 use crate::control::ActionMap;
+use crate::control::equations::{Equations, Velocities};
 use crate::control::likelihood::{Likelihood, normalise};
-use crate::description::Scene;
-use crate::dynamics::Velocities;
+use crate::control::nominal_model::NominalModel;
 use crate::lane::exp;
 
-/// Logarithm of a weight over the maximum below which it counts as 0: that model's present is not predicted.
+/// Log weight, relative to the maximum, below which a model is ignored: its present is not predicted.
 const NEGLIGIBLE: f64 = -7.0;
 
 /// Delay of measurements in control periods, and factor on the commanded wrench.
-struct Model {
+struct BankModel {
     delay: usize,
     thrust: f64,
 }
 
-/// Models with a state each. One alone has no weights.
+/// Models with a state each. A bank of one has no weights.
 ///
 /// Terms of the equations of motion are evaluated along the prediction of the likeliest model, and serve all of them:
 /// configurations are measured, and equal; velocities differ by corrections.
-pub(in crate::control) struct Bank {
+pub(in crate::control) struct MotionBank {
     pub predictor: Predictor,
-    models: Vec<Model>,
+    models: Vec<BankModel>,
     /// Velocities of vehicle and joints.
     size: usize,
     /// Maximum delay.
@@ -35,12 +35,12 @@ pub(in crate::control) struct Bank {
 }
 
 /// Estimate under one model.
-pub(in crate::control) struct Estimate {
-    /// The present; of a model without weight that of an earlier time.
+pub(in crate::control) struct MotionEstimate {
+    /// The present; for a model without weight an earlier time.
     pub now: TrackingState,
     /// Weight over the maximum.
     weight: f64,
-    /// Measured velocities less predicted ones.
+    /// Measured velocities minus predicted ones.
     innovation: Option<Velocities>,
     pub disturbance: Velocities,
     /// Wrench of the thrusters at the same time as `now`.
@@ -54,21 +54,21 @@ pub(in crate::control) struct Estimate {
 }
 
 /// Estimates of all models.
-pub(in crate::control) struct Estimates {
-    models: Vec<Estimate>,
+pub(in crate::control) struct MotionEstimates {
+    models: Vec<MotionEstimate>,
     /// Terms at the measurement, and after each period since.
-    terms: Vec<ModelTerms>,
+    terms: Vec<Equations>,
     leader: usize,
 }
 
-impl Estimates {
+impl MotionEstimates {
     /// The likeliest model's present.
     pub fn now(&self) -> &TrackingState {
         &self.models[self.leader].now
     }
 
     /// The likeliest model's estimate, and the terms at its present.
-    pub fn likeliest(&self) -> (&Estimate, &ModelTerms) {
+    pub fn likeliest(&self) -> (&MotionEstimate, &Equations) {
         let estimate = &self.models[self.leader];
         (estimate, &self.terms[estimate.terms])
     }
@@ -86,26 +86,26 @@ struct Memory<'a> {
     efforts: &'a mut [f64],
 }
 
-impl Bank {
-    /// One model alone.
-    pub fn single(gains: ResolvedMotionGains, scene: &Scene, actions: &ActionMap, period: f64) -> Self {
+impl MotionBank {
+    /// A bank of one model.
+    pub fn single(gains: ResolvedMotionGains, model: &NominalModel, actions: &ActionMap, period: f64) -> Self {
         let likelihood = Likelihood::new([f64::INFINITY; 3], 0.0, period);
-        Self::new(&[(gains, 1.0)], likelihood, scene, actions, period)
+        Self::new(&[(gains, 1.0)], likelihood, model, actions, period)
     }
 
     /// For models by their gains and factors on the thrust; `likelihood` is for several.
     pub fn new(
         models: &[(ResolvedMotionGains, f64)],
         likelihood: Likelihood<3>,
-        scene: &Scene,
+        model: &NominalModel,
         actions: &ActionMap,
         period: f64,
     ) -> Self {
         Self {
-            predictor: Predictor::new(&models[0].0, scene, actions, period),
+            predictor: Predictor::new(&models[0].0, model, actions, period),
             size: 6 + actions.torques().len(),
             delay: models.iter().map(|(gains, _)| gains.delay).max().unwrap_or(0),
-            models: models.iter().map(|(gains, thrust)| Model { delay: gains.delay, thrust: *thrust }).collect(),
+            models: models.iter().map(|(gains, thrust)| BankModel { delay: gains.delay, thrust: *thrust }).collect(),
             likelihood,
         }
     }
@@ -142,19 +142,19 @@ impl Bank {
     }
 
     /// Updates estimates and weights by a measurement, and predicts from its instant to the present.
-    pub fn estimate(&self, model: &NominalModel, measured: &TrackingState, memory: &mut [f64]) -> Estimates {
+    pub fn estimate(&self, model: &NominalModel, measured: &TrackingState, memory: &mut [f64]) -> MotionEstimates {
         let Memory { logs, periods, states, efforts } = self.split(memory);
         let periods = *periods as usize;
-        let mut models: Vec<Estimate> = (self.models.iter().zip(states.chunks_exact(self.width())))
-            .map(|(Model { delay, .. }, state)| self.correct(measured, state, *delay, periods))
+        let mut models: Vec<MotionEstimate> = (self.models.iter().zip(states.chunks_exact(self.width())))
+            .map(|(BankModel { delay, .. }, state)| self.correct(measured, state, *delay, periods))
             .collect();
         let leader = likeliest(logs);
         let mut terms = Vec::with_capacity(1 + self.delay);
-        terms.push(model.terms(&models[leader].now));
+        terms.push(self.predictor.equations(model, &models[leader].now));
         for (estimate, state) in models.iter_mut().zip(states.chunks_exact_mut(self.width())) {
             let disturbance = &mut state[self.size..][..self.size];
             if let Some(innovation) = &estimate.innovation {
-                self.predictor.disturb(&(terms[0].inertia * innovation / model.period), disturbance);
+                self.predictor.disturb(&(terms[0].inertia * innovation), disturbance);
             }
             estimate.disturbance = padded(disturbance);
         }
@@ -166,11 +166,11 @@ impl Bank {
         for k in (0..models.len()).filter(|k| *k != leader) {
             self.predict(model, k, &efforts, &mut models[k], &mut terms, false);
         }
-        Estimates { models, terms, leader: likeliest(logs) }
+        MotionEstimates { models, terms, leader: likeliest(logs) }
     }
 
     /// State at the measurement's instant, corrected by it if it was predicted.
-    fn correct(&self, measured: &TrackingState, state: &[f64], delay: usize, periods: usize) -> Estimate {
+    fn correct(&self, measured: &TrackingState, state: &[f64], delay: usize, periods: usize) -> MotionEstimate {
         let mut now = measured.clone();
         let innovation = (periods > delay).then(|| {
             let innovation = measured.velocities - padded(&state[..self.size]);
@@ -179,11 +179,11 @@ impl Bank {
         });
         let wrench = Vector6::from_column_slice(&state[2 * self.size..][..6]);
         let (disturbance, past) = (Velocities::zeros(), periods.min(delay));
-        Estimate { now, weight: 1.0, innovation, disturbance, wrench, next: None, past, terms: 0 }
+        MotionEstimate { now, weight: 1.0, innovation, disturbance, wrench, next: None, past, terms: 0 }
     }
 
     /// Updates the weights by the innovations.
-    fn weigh(&self, models: &mut [Estimate], logs: &mut [f64]) {
+    fn weigh(&self, models: &mut [MotionEstimate], logs: &mut [f64]) {
         let [linear, angular, joints] = self.likelihood.precision;
         for (log, innovation) in logs.iter_mut().zip(models.iter().filter_map(|estimate| estimate.innovation)) {
             let square = |from: usize, count: usize| innovation.rows(from, count).norm_squared();
@@ -203,33 +203,33 @@ impl Bank {
         model: &NominalModel,
         k: usize,
         efforts: &[Velocities],
-        estimate: &mut Estimate,
-        terms: &mut Vec<ModelTerms>,
+        estimate: &mut MotionEstimate,
+        terms: &mut Vec<Equations>,
         leads: bool,
     ) {
         let steps = if leads || estimate.weight > 0.0 { estimate.past } else { estimate.past.min(1) };
         for step in 0..steps {
             let before = estimate.past - 1 - step;
             let effort = self.models[k].scale(&efforts[before]);
-            let Estimate { now, wrench, disturbance, .. } = &mut *estimate;
+            let MotionEstimate { now, wrench, disturbance, .. } = &mut *estimate;
             let terms_now = &terms[step.min(terms.len() - 1)];
-            self.predictor.advance(model, terms_now, (now, wrench), [&effort, disturbance], before as f64 + 0.5);
+            self.predictor.advance(terms_now, (now, wrench), [&effort, disturbance], before as f64 + 0.5);
             if step == 0 {
                 estimate.next = Some((estimate.now.velocities, estimate.wrench));
             }
             if leads {
-                terms.push(model.terms(&estimate.now));
+                terms.push(self.predictor.equations(model, &estimate.now));
             }
         }
         estimate.terms = steps.min(terms.len() - 1);
     }
 
-    /// Mean effort of a law on the models' estimates, by their weights: each less its disturbance, with its lag
+    /// Mean effort of a law on the models' estimates, by their weights: each minus its disturbance, with its lag
     /// compensated, and over its factor on the thrust. The law's arguments are a model's index, present and terms.
     pub fn mean(
         &self,
-        estimates: &Estimates,
-        law: impl Fn(usize, &TrackingState, &ModelTerms) -> Velocities,
+        estimates: &MotionEstimates,
+        law: impl Fn(usize, &TrackingState, &Equations) -> Velocities,
     ) -> Velocities {
         let (mut total, mut sum) = (0.0, Velocities::zeros());
         for (k, estimate) in estimates.models.iter().enumerate().filter(|(_, estimate)| estimate.weight > 0.0) {
@@ -243,19 +243,19 @@ impl Bank {
     }
 
     /// Stores the commanded effort, and the predictions of the next measurement.
-    pub fn remember(&self, model: &NominalModel, estimates: Estimates, effort: &Velocities, memory: &mut [f64]) {
+    pub fn remember(&self, estimates: MotionEstimates, effort: &Velocities, memory: &mut [f64]) {
         let (size, Memory { periods, states, efforts, .. }) = (self.size, self.split(memory));
-        let Estimates { models, terms, .. } = estimates;
-        for ((of, estimate), state) in self.models.iter().zip(models).zip(states.chunks_exact_mut(self.width())) {
-            let Estimate { mut now, mut wrench, disturbance, next, terms: at, .. } = estimate;
+        let MotionEstimates { models, terms, .. } = estimates;
+        for ((model, estimate), state) in self.models.iter().zip(models).zip(states.chunks_exact_mut(self.width())) {
+            let MotionEstimate { mut now, mut wrench, disturbance, next, terms: at, .. } = estimate;
             let (predicted, wrench) = next.unwrap_or_else(|| {
-                let effort = of.scale(effort);
-                self.predictor.advance(model, &terms[at], (&mut now, &mut wrench), [&effort, &disturbance], 0.0);
+                let effort = model.scale(effort);
+                self.predictor.advance(&terms[at], (&mut now, &mut wrench), [&effort, &disturbance], 0.0);
                 (now.velocities, wrench)
             });
             state[..size].copy_from_slice(&predicted.as_slice()[..size]);
             // The next measurement is of a later time than this one.
-            if *periods as usize >= of.delay {
+            if *periods as usize >= model.delay {
                 state[2 * size..].copy_from_slice(wrench.as_slice());
             }
         }
@@ -267,7 +267,7 @@ impl Bank {
     }
 }
 
-impl Model {
+impl BankModel {
     /// Effort with the model's factor on the wrench.
     fn scale(&self, effort: &Velocities) -> Velocities {
         let mut scaled = *effort;

@@ -2,11 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::gains;
+use crate::control::gains::{self, MAX_DELAY};
 use crate::error::ControlError;
-
-/// Maximum delay that is compensated, control periods.
-pub const MAX_DELAY: usize = 10;
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -21,7 +18,7 @@ pub struct ResolvedMotionGains {
     pub posture_gain: f64,
     /// Tilt of the vehicle to its rates, in the same null space, 1/s.
     pub levelling_gain: f64,
-    /// Mobility of the joints over the vehicle's: at 1 an arm of length 1 m takes as much of a motion.
+    /// Joint weight relative to the vehicle's. At 1 a 1 m arm and the vehicle share a motion equally.
     pub arm_weight: f64,
     /// Share of the thrusters' nominal lag over a period that is compensated; only with an observer or a delay.
     pub lag_compensation: f64,
@@ -54,10 +51,7 @@ impl Default for ResolvedMotionGains {
 impl ResolvedMotionGains {
     pub(super) fn check(&self) -> Result<(), ControlError> {
         gains::check(self)?;
-        match self.delay {
-            periods if periods > MAX_DELAY => Err(ControlError::Delay { periods, most: MAX_DELAY }),
-            _ => Ok(()),
-        }
+        gains::check_delay(self.delay, MAX_DELAY)
     }
 
     /// True if an observer or a prediction is needed.

@@ -1,28 +1,26 @@
-//! End-effector tracking by resolved motion, from observations alone.
+//! End-effector tracking by resolved motion.
 
 mod adaptive;
 mod bank;
 mod gains;
-mod model;
 mod predictor;
 mod reading;
 
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 pub use adaptive::AdaptiveMotionGains;
-pub(super) use bank::{Bank, Estimate};
-pub use gains::{MAX_DELAY, ResolvedMotionGains};
-pub(super) use model::{ModelTerms, NominalModel, TrackingState};
-pub use reading::TrackingIndices;
+pub(super) use bank::{MotionBank, MotionEstimate, MotionEstimates};
+pub use gains::ResolvedMotionGains;
+pub use reading::{TrackingIndices, TrackingState};
 
 use super::controller::{Controller, Widths};
+use super::equations::{Equations, VELOCITIES, Velocities};
 use super::gains::{GainMap, to_map};
 use super::likelihood::Likelihood;
+use super::nominal_model::NominalModel;
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
-use crate::dynamics::{EquationsOfMotion, VELOCITIES, Velocities};
 use crate::error::ControlError;
-use crate::limits::interrupt;
 use crate::system::JOINTS;
 
 /// Share of its travel within which a joint near a limit loses mobility.
@@ -34,7 +32,7 @@ const MISSED: f64 = 1e-4;
 
 /// Resolved motion and inverse dynamics. `[Whi69]`
 ///
-/// The end effector's commanded twist is the reference's less `pose_gain` times the pose error and its integral. A damped
+/// The end effector's commanded twist is the reference's minus `pose_gain` times the pose error and its integral. A damped
 /// and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the arm returns
 /// home and the vehicle levels. Inverse dynamics (`[HC eq. 13]`, in still water) turns the error of these velocities and
 /// the reference's acceleration into a wrench and torques, clipped to the actuators' limits.
@@ -50,7 +48,9 @@ pub struct ResolvedMotion {
     actions: ActionMap,
     actuation: Actuation<f64>,
     model: NominalModel,
-    bank: Option<Bank>,
+    /// Control period, s.
+    period: f64,
+    bank: Option<MotionBank>,
     home: Vec<f64>,
     limits: Vec<Option<JointLimits>>,
     /// 1 for the vehicle's actuated axes, else 0.
@@ -61,8 +61,7 @@ impl ResolvedMotion {
     /// For a checked scene, to act every `period` s.
     ///
     /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative, a delay beyond [`MAX_DELAY`], or a scene that does
-    /// not compose.
+    /// `ControlError` for a gain that is not finite or is negative, or a delay beyond [`MAX_DELAY`](super::MAX_DELAY).
     pub fn new(
         scene: &Scene,
         indices: TrackingIndices,
@@ -100,13 +99,13 @@ impl ResolvedMotion {
         actions: ActionMap,
         period: f64,
     ) -> Result<Self, ControlError> {
-        let model = NominalModel::new(scene, period)?;
+        let model = NominalModel::new(scene);
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
         let needs_bank = models.len() > 1 || models[0].0.predicts();
-        let bank = needs_bank.then(|| Bank::new(models, likelihood, scene, &actions, period));
+        let bank = needs_bank.then(|| MotionBank::new(models, likelihood, &model, &actions, period));
         let (gains, actuation) = (models.iter().map(|(gains, _)| *gains).collect(), Actuation::new(&actions));
-        Ok(Self { indices, given, gains, actions, actuation, model, bank, home, limits, actuated })
+        Ok(Self { indices, given, gains, actions, actuation, model, period, bank, home, limits, actuated })
     }
 
     /// Commanded accelerations, for an integral of the pose error.
@@ -114,11 +113,10 @@ impl ResolvedMotion {
         &self,
         gains: &ResolvedMotionGains,
         now: &TrackingState,
-        terms: &EquationsOfMotion,
+        jacobian: &SMatrix<f64, 6, VELOCITIES>,
         integral: &Vector6<f64>,
     ) -> Option<Velocities> {
         let (n, q) = (self.home.len(), &now.q);
-        let jacobian = &terms.jacobian;
         // Mobilities: inverse weights.
         let mut mobility = Velocities::zeros();
         for k in 0..6 {
@@ -157,26 +155,16 @@ impl ResolvedMotion {
         Some(acceleration)
     }
 
-    /// Effort without disturbances and lag.
+    /// Effort without compensation of disturbances and lag.
     fn effort(
         &self,
         gains: &ResolvedMotionGains,
         now: &TrackingState,
-        terms: &ModelTerms,
+        equations: &Equations,
         integral: &Vector6<f64>,
     ) -> Velocities {
-        let Some(acceleration) = self.acceleration(gains, now, &terms.motion, integral) else {
-            return Velocities::zeros();
-        };
-        let mut effort = terms.motion.mass * acceleration + terms.motion.bias;
-        for (k, passive) in terms.passive.iter().enumerate().take(self.home.len()) {
-            effort[6 + k] -= passive.torque;
-            if self.bank.is_some() {
-                // Implicit in the joint's damping: light joints come to rest well within a period.
-                effort[6 + k] += self.model.period * self.model.joint_damping(passive) * acceleration[6 + k];
-            }
-        }
-        effort
+        self.acceleration(gains, now, &equations.jacobian, integral)
+            .map_or_else(Velocities::zeros, |acceleration| equations.inertia * acceleration + equations.bias)
     }
 
     /// Number of integrals of the pose error.
@@ -195,9 +183,9 @@ impl ResolvedMotion {
         let effort = match &estimates {
             Some((bank, estimates)) => {
                 now.error = estimates.now().error;
-                bank.mean(estimates, |k, now, terms| self.effort(&self.gains[k], now, terms, &sum))
+                bank.mean(estimates, |k, now, equations| self.effort(&self.gains[k], now, equations, &sum))
             }
-            None => self.effort(&self.gains[0], &now, &self.model.terms(&now), &sum),
+            None => self.effort(&self.gains[0], &now, &self.model.equations(now.chain(), 0.0), &sum),
         };
         self.actions.normalise_all(&effort.fixed_rows::<6>(0).into_owned(), &effort.as_slice()[6..6 + n], action);
         if self.widths().memory == 0 {
@@ -211,12 +199,12 @@ impl ResolvedMotion {
                 || self.actions.torques().iter().enumerate().any(|(k, limit)| missed(6 + k, *limit));
             for (z, error) in integral.iter_mut().zip(&now.error) {
                 if !(saturated && *z * error > 0.0) {
-                    *z += self.model.period * error;
+                    *z += self.period * error;
                 }
             }
         }
         if let Some((bank, estimates)) = estimates {
-            bank.remember(&self.model, estimates, &reached, memory);
+            bank.remember(estimates, &reached, memory);
         }
     }
 }
@@ -234,7 +222,7 @@ pub(super) fn reached(actuation: &Actuation<f64>, action: &[f32]) -> Velocities 
 
 impl Controller for ResolvedMotion {
     fn widths(&self) -> Widths {
-        let memory = self.integrals() + self.bank.as_ref().map_or(0, Bank::memory);
+        let memory = self.integrals() + self.bank.as_ref().map_or(0, MotionBank::memory);
         Widths { observation: self.indices.width, memory, action: self.actions.len() }
     }
 
@@ -244,19 +232,12 @@ impl Controller for ResolvedMotion {
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
         let integral = (self.integrals() > 0).then_some(("integral", 6));
-        integral.into_iter().chain(self.bank.iter().flat_map(Bank::memory_layout)).collect()
+        integral.into_iter().chain(self.bank.iter().flat_map(MotionBank::memory_layout)).collect()
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        let widths = self.widths();
-        widths.rows(observations, memory, actions)?;
-        let rows = observations.chunks_exact(widths.observation).zip(actions.chunks_exact_mut(widths.action.max(1)));
-        for (k, (observation, action)) in rows.enumerate() {
-            if interrupt::requested() {
-                break;
-            }
-            self.control(observation, &mut memory[k * widths.memory..][..widths.memory], action);
-        }
-        Ok(())
+        self.widths().each_row(observations, memory, actions, |observation, memory, action| {
+            self.control(observation, memory, action);
+        })
     }
 }

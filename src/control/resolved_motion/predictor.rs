@@ -3,10 +3,11 @@
 use nalgebra::Vector6;
 
 use super::gains::ResolvedMotionGains;
-use super::model::{ModelTerms, NominalModel, TrackingState};
+use super::reading::TrackingState;
 use crate::control::ActionMap;
-use crate::description::Scene;
-use crate::dynamics::{VELOCITIES, Velocities};
+use crate::control::equations::{Equations, VELOCITIES, Velocities};
+use crate::control::nominal_model::{NominalModel, lag_decay};
+use crate::system::JOINTS;
 
 /// Bound on predicted velocities, m/s and rad/s.
 const FASTEST: f64 = 20.0;
@@ -26,12 +27,14 @@ pub(in crate::control) struct Predictor {
     /// Bounds on disturbances.
     maximum: Velocities,
     /// Decay of the gap between wrench and command over a period: at its end, and on average.
-    lag: [f64; 2],
+    pub lag: [f64; 2],
     lag_compensation: f64,
+    /// Control period, s.
+    pub period: f64,
 }
 
 impl Predictor {
-    pub fn new(gains: &ResolvedMotionGains, scene: &Scene, actions: &ActionMap, period: f64) -> Self {
+    pub fn new(gains: &ResolvedMotionGains, model: &NominalModel, actions: &ActionMap, period: f64) -> Self {
         let corrections = std::array::from_fn(|k| {
             let bandwidth = gains.observer_bandwidth[(k / 3).min(2)];
             let pole = (-bandwidth * period).exp();
@@ -44,11 +47,13 @@ impl Predictor {
             3..6 => most(&limits[3..]),
             _ => actions.torques().get(k - 6).copied().unwrap_or(0.0),
         });
-        let thrusters = scene.vehicle.thrusters.len();
-        let mean = (0..thrusters).map(|i| scene.vehicle.lag(i)).sum::<f64>() / thrusters.max(1) as f64;
-        let end = if mean > 0.0 { (-period / mean).exp() } else { 0.0 };
-        let lag = [end, mean / period * (1.0 - end)];
-        Self { corrections, maximum, lag, lag_compensation: gains.lag_compensation }
+        Self {
+            corrections,
+            maximum,
+            lag: lag_decay(period, model.lag()).into(),
+            lag_compensation: gains.lag_compensation,
+            period,
+        }
     }
 
     /// Velocities by their prediction and the innovation.
@@ -58,37 +63,38 @@ impl Predictor {
         }
     }
 
-    /// Disturbance by the innovation's effect, `(M + T D) (nu_m - nu-) / T`.
+    /// Equations of motion at a state, implicit over a period.
+    pub fn equations(&self, model: &NominalModel, now: &TrackingState) -> Equations {
+        model.equations(now.chain(), self.period)
+    }
+
+    /// Disturbance by the innovation's effect, `(M + T D) (nu_m - nu-)`.
     pub fn disturb(&self, effect: &Velocities, disturbance: &mut [f64]) {
         for (k, disturbance) in disturbance.iter_mut().enumerate() {
             let limit = self.maximum[k];
-            *disturbance = (*disturbance + self.corrections[k][1] * effect[k]).clamp(-limit, limit);
+            *disturbance = (*disturbance + self.corrections[k][1] * effect[k] / self.period).clamp(-limit, limit);
         }
     }
 
     /// Prediction over a period under an effort and a disturbance; its middle is `before` periods before the present.
     pub fn advance(
         &self,
-        model: &NominalModel,
-        terms: &ModelTerms,
+        equations: &Equations,
         (now, wrench): (&mut TrackingState, &mut Vector6<f64>),
         [effort, disturbance]: [&Velocities; 2],
         before: f64,
     ) {
-        let period = model.period;
-        let mut net = effort + disturbance - terms.motion.bias;
+        let period = self.period;
+        let mut net = effort + disturbance - equations.bias;
         for k in 0..6 {
             net[k] += (wrench[k] - effort[k]) * self.lag[1];
             wrench[k] = effort[k] + (wrench[k] - effort[k]) * self.lag[0];
         }
-        for k in 0..model.joints {
-            net[6 + k] += terms.passive[k].torque;
-        }
-        let change = terms.solve(&net) * period;
+        let change = equations.solve(&net) * period;
         let mean = now.velocities + change * 0.5;
         now.velocities = (now.velocities + change).map(|x| x.clamp(-FASTEST, FASTEST));
-        now.error += (terms.motion.jacobian * mean - (now.reference - now.acceleration * (before * period))) * period;
-        for k in 0..model.joints {
+        now.error += (equations.jacobian * mean - (now.reference - now.acceleration * (before * period))) * period;
+        for k in 0..JOINTS {
             now.q[k] += mean[6 + k] * period;
         }
         let omega = mean.fixed_rows::<3>(3).into_owned();

@@ -2,10 +2,33 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::model::TrackingState;
+use crate::control::equations::{ChainState, Velocities};
 use crate::control::indices::BlockIndices;
-use crate::dynamics::Velocities;
-use crate::system::JOINTS;
+use crate::system::{JOINTS, Joints};
+
+/// State of vehicle, arm and reference.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackingState {
+    /// Pose error of the end effector, m and rad.
+    pub error: Vector6<f64>,
+    /// Velocities of vehicle and joints.
+    pub velocities: Velocities,
+    /// Direction against gravity, vehicle axes, as measured: of length 1 but for noise.
+    pub up: Vector3<f64>,
+    /// Joint coordinates, rad or m.
+    pub q: Joints,
+    /// Twist of the reference, end-effector axes.
+    pub reference: Vector6<f64>,
+    /// Its acceleration, m/s^2; the angular part is not observed.
+    pub acceleration: Vector6<f64>,
+}
+
+impl TrackingState {
+    /// State of vehicle and arm.
+    pub fn chain(&self) -> ChainState<'_> {
+        ChainState { up: &self.up, q: &self.q, velocities: &self.velocities }
+    }
+}
 
 /// Indices of the observation's blocks that controllers of tracking read.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,8 +66,8 @@ impl TrackingIndices {
         let (error, reference) = (six(&self.error), six(&self.reference));
         // Constant acceleration of the reference to the first point ahead.
         let acceleration = self.ahead.as_ref().map_or_else(Vector6::zeros, |(ahead, time)| {
-            let moved = error - six(ahead);
-            let mut acceleration = (moved - reference * *time) * (2.0 / (time * time));
+            let motion = error - six(ahead);
+            let mut acceleration = (motion - reference * *time) * (2.0 / (time * time));
             acceleration.fixed_rows_mut::<3>(3).fill(0.0);
             acceleration
         });

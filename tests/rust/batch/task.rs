@@ -370,7 +370,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
             let options = TaskOptions { action, ..Default::default() };
             let simulator = SimulatorOptions { instances: 4, ..Default::default() };
             let mut batch = TaskBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
-            let pd = batch.task().pd(None).unwrap();
+            let pd = classical(&batch, "pd");
             let mut observations = batch.reset(&seeds(4), None, &[]).unwrap().observations;
             let mut actions = idle(&batch);
             let mut last = Vec::new();
@@ -394,8 +394,8 @@ fn the_pd_holds_station_and_no_action_does_not() {
     }
 }
 
-fn pid(batch: &TaskBatch) -> Arc<dyn Controller> {
-    batch.task().controller(ControllerKind::Pid, &GainMap::new()).unwrap()
+fn classical(batch: &TaskBatch, name: &str) -> Arc<dyn Controller> {
+    batch.task().controller(ControllerKind::named(name).unwrap(), &GainMap::new()).unwrap()
 }
 
 /// What stepping with a policy's actions brings in so many periods.
@@ -435,7 +435,7 @@ fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
         for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
             let made = Made { instances: 131, max_steps: Some(9), autoreset, precision, ..Made::default() };
             let mut batch = made.batch();
-            let pid = pid(&batch);
+            let pid = classical(&batch, "pid");
             let expected = stepped(&mut batch, &*pid, 11);
             for (threads, parts) in [(1, &[11][..]), (2, &[4, 0, 7])] {
                 let mut batch = Made { threads, ..made }.batch();
@@ -455,13 +455,13 @@ fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
 #[test]
 fn rollouts_that_do_not_fit_are_refused() {
     let mut batch = Made::default().batch();
-    let pid = pid(&batch);
+    let pid = classical(&batch, "pid");
     let mut rollout = Rollout::new(&*pid, 3, &[]).unwrap();
     assert_eq!(batch.run(&*pid, &mut rollout, 1), Err(TaskError::NotBegun { instance: 0 }));
     batch.reset(&seeds(3), None, &[]).unwrap();
     let mut other = Rollout::new(&*pid, 4, &[]).unwrap();
     assert!(matches!(batch.run(&*pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
-    let mut rest = Rollout::new(&batch.task().no_control(), 3, &[]).unwrap();
+    let mut rest = Rollout::new(&*classical(&batch, "none"), 3, &[]).unwrap();
     let refused = batch.run(&*pid, &mut rest, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
     let small = TaskBatch::new(
@@ -471,7 +471,7 @@ fn rollouts_that_do_not_fit_are_refused() {
         Autoreset::Disabled,
         None,
     );
-    let narrow = self::pid(&small.unwrap());
+    let narrow = classical(&small.unwrap(), "pid");
     let refused = batch.run(&*narrow, &mut rollout, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Widths { got: 24, .. }))));
     assert_eq!(rollout.stats(), [RolloutStats::default(); 3]);

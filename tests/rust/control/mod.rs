@@ -1,6 +1,7 @@
 //! Controllers and thruster allocation.
 
 mod actions;
+mod equations;
 mod mlp;
 mod mpc;
 mod nmpc;

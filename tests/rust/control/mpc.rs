@@ -3,27 +3,37 @@
 use nalgebra::{DVector, Vector6};
 use proptest::prelude::*;
 use uvms_gym::control::mpc::model::{LinearModel, MOVES};
-use uvms_gym::control::mpc::{Mpc, PARAMETERS, PLAN};
+use uvms_gym::control::mpc::{Mpc, PARAMETERS};
 use uvms_gym::control::{ActionKind, ActionMap, Allocation, MpcGains, Observer, ObserverGains};
 use uvms_gym::description::Scene;
 
-fn observer(scene: &Scene) -> Observer {
-    Observer::new(ObserverGains::default(), 0.0, scene, 0.1)
+struct Case {
+    mpc: Mpc,
+    model: LinearModel,
 }
 
-fn mpc(name: &str) -> Mpc {
+fn case(name: &str) -> Case {
     let scene = Scene::shipped(name).unwrap();
+    let observer = Observer::new(ObserverGains::default(), 0.0, &scene, 0.1);
     let actions = ActionMap::new(ActionKind::Wrench, Allocation::new(&scene.vehicle).unwrap(), Vec::new());
-    Mpc::new(MpcGains::default(), &scene, &observer(&scene), &actions)
+    let mpc = Mpc::new(MpcGains::default(), &scene, &observer, &actions);
+    let unit = actions.allocation().wrench_limits();
+    let model = LinearModel::new(observer.model(), &scene.home(), unit, mpc.gains(), 0.1);
+    Case { mpc, model }
 }
 
-fn model(mpc: &Mpc, name: &str) -> LinearModel {
-    let scene = Scene::shipped(name).unwrap();
-    LinearModel::new(observer(&scene).plant(), &scene.home(), mpc.unit, mpc.gains(), 0.1)
-}
+impl Case {
+    /// Cost of a plan, by its Hessians.
+    fn cost(&self, plan: &DVector<f64>, parameters: &DVector<f64>) -> f64 {
+        let idle = self.model.cost(&[0.0; 6 * MOVES.len()], parameters.as_slice());
+        idle + plan.dot(&(&self.mpc.hessian * plan + 2.0 * (&self.mpc.cross * parameters)))
+    }
 
-fn cost(model: &LinearModel, plan: &DVector<f64>, parameters: &DVector<f64>) -> f64 {
-    model.residuals(plan.as_slice(), parameters.as_slice()).iter().map(|x| x * x).sum()
+    /// A plan from numbers in [-1, 1], within the limits.
+    fn within(&self, numbers: &[f64]) -> DVector<f64> {
+        let [lower, upper] = &self.mpc.bounds;
+        DVector::from_fn(lower.len(), |k, _| numbers[k].max(lower[k]).min(upper[k]))
+    }
 }
 
 /// Errors up to 1 m and 1 rad, speeds up to 0.5, wrenches up to 100.
@@ -42,34 +52,40 @@ proptest! {
     fn no_plan_within_the_limits_costs_less(
         name in prop::sample::select(vec!["petasus-pum", "bluerov2-heavy", "bluerov2-heavy-alpha5"]),
         parameters in parameters(),
-        other in prop::collection::vec(-1.0..1.0f64, PLAN),
+        other in prop::collection::vec(-1.0..1.0f64, 64),
     ) {
-        let mpc = mpc(name);
-        let model = model(&mpc, name);
-        let free = &mpc.gain * &parameters;
-        let best = mpc.solve(&(&mpc.cross * &parameters)).unwrap();
-        let over = |plan: &DVector<f64>| {
-            (0..MOVES.len()).map(|k| (&mpc.bounds * plan.rows(6 * k, 6)).max()).fold(0.0, f64::max)
-        };
-        prop_assert!(over(&best) < 1.0 + 1e-6, "{}", over(&best));
-        let minimum = cost(&model, &best, &parameters);
-        prop_assert!(cost(&model, &free, &parameters) <= minimum * (1.0 + 1e-9));
-        if over(&free) < 0.99 {
-            prop_assert!((&free - &best).amax() < 1e-4, "{}", (&free - &best).amax());
-        }
-        for plan in [free, DVector::from_vec(other), DVector::zeros(PLAN)] {
-            let plan = &plan / over(&plan).max(1.0);
-            prop_assert!(minimum <= cost(&model, &plan, &parameters) * (1.0 + 1e-6) + 1e-9);
+        let case = case(name);
+        let free = &case.mpc.gain * &parameters;
+        let best = case.mpc.best(&parameters);
+        prop_assert_eq!(&best, &case.within(best.as_slice()));
+        let minimum = case.cost(&best, &parameters);
+        prop_assert!(case.cost(&free, &parameters) <= minimum * (1.0 + 1e-9));
+        for plan in [case.within(free.as_slice()), case.within(&other), DVector::zeros(best.len())] {
+            prop_assert!(minimum <= case.cost(&plan, &parameters) * (1.0 + 1e-9) + 1e-9);
             // On the way there, too.
             let near = &best + (plan - &best) * 1e-3;
-            prop_assert!(minimum <= cost(&model, &near, &parameters) * (1.0 + 1e-6) + 1e-9);
+            prop_assert!(minimum <= case.cost(&near, &parameters) * (1.0 + 1e-9) + 1e-9);
         }
+    }
+
+    #[test]
+    fn the_cost_of_a_plan_is_that_of_its_wrenches_on_the_model(
+        parameters in parameters(),
+        wrenches in prop::collection::vec(-50.0..50.0f64, 6 * MOVES.len()),
+    ) {
+        // Thrusts that do not cancel each other cost nothing of their own.
+        let case = case("bluerov2-heavy");
+        let thrusts = wrenches.chunks_exact(6).map(|wrench| &case.mpc.thrusts.inverse * Vector6::from_column_slice(wrench));
+        let plan = DVector::from_vec(thrusts.flat_map(|thrusts| thrusts.as_slice().to_vec()).collect());
+        let expected = case.model.cost(&wrenches, parameters.as_slice());
+        let cost = case.cost(&plan, &parameters);
+        prop_assert!((cost - expected).abs() < 1e-6 * expected, "{} {}", cost, expected);
     }
 }
 
 #[test]
 fn at_rest_on_target_the_plan_is_to_hold_against_what_disturbs() {
-    let mpc = mpc("petasus-pum");
+    let mpc = case("petasus-pum").mpc;
     let mut parameters = DVector::zeros(PARAMETERS);
     let besides = [20.0, -10.0, 15.0, 2.0, -3.0, 1.0];
     for k in 0..6 {

@@ -1,8 +1,11 @@
 //! Nonlinear model-predictive control: its plan near rest is linear feedback, and keeps within the limits.
 
 use nalgebra::{DMatrix, DVector, Vector6};
+use uvms_gym::control::nmpc::real_time::PlanModel;
 use uvms_gym::control::nmpc::vehicle::{HORIZON, Present, VehicleNmpc};
-use uvms_gym::control::{ActionKind, ActionMap, Allocation, ArmMotion, NmpcGains, Observer};
+use uvms_gym::control::{
+    ActionKind, ActionMap, Allocation, ArmState, BlockIndices, NmpcGains, Observer, TrackingIndices, TrackingNmpc,
+};
 use uvms_gym::description::Scene;
 use uvms_gym::system::JOINTS;
 
@@ -23,7 +26,7 @@ fn case(name: &str) -> Case {
 
 impl Case {
     fn present(&self, state: [[f64; 6]; 3]) -> Present {
-        let arm = ArmMotion { q: self.scene.home(), qd: [0.0; JOINTS] };
+        let arm = ArmState { q: self.scene.home(), qd: [0.0; JOINTS] };
         Present { state, wrenches: [[0.0; 6]; 4], arms: [arm; 2] }
     }
 
@@ -75,4 +78,43 @@ fn thrusts_of_a_far_target_are_at_their_limits_and_within() {
             assert!(saturated > 0, "{name}");
         }
     }
+}
+
+#[test]
+fn derivatives_of_a_tracking_period_are_those_of_differences() {
+    let scene = Scene::shipped("petasus-pum").unwrap();
+    let allocation = Allocation::new(&scene.vehicle).unwrap();
+    let actions = ActionMap::new(ActionKind::Wrench, allocation, vec![14.0, 21.0, 4.0, 0.9, 0.06]);
+    let block = |offset, count| BlockIndices { offset, scale: vec![1.0; count] };
+    let indices = TrackingIndices {
+        width: 31,
+        error: block(0, 6),
+        twist: block(6, 6),
+        up: block(12, 3),
+        q: block(15, 5),
+        qd: block(20, 5),
+        reference: block(25, 6),
+        ahead: None,
+    };
+    let nmpc = TrackingNmpc::new(&scene, indices, NmpcGains::tracking(0), actions, 0.1).unwrap();
+    let mut row: Vec<f32> = (0..31).map(|k| 0.3 * (1.0 + k as f32).sin()).collect();
+    row[12..15].copy_from_slice(&[0.28, -0.096, 0.955_176]);
+    nmpc.at_first(&row, |model| {
+        let (exact, x, step) = (model.dynamics(), model.present(), 1e-6);
+        let u = model.layout.relative(&model.holding_effort());
+        for k in 0..exact.ncols() {
+            let end = |by: f64| {
+                let (mut x, mut u) = (x.clone(), u.clone());
+                if k < x.len() {
+                    x[k] += by
+                } else {
+                    u[k - x.len()] += by
+                }
+                model.step(0, &x, &u)
+            };
+            let difference = (end(step) - end(-step)) / (2.0 * step);
+            let miss = (exact.column(k) - &difference).norm();
+            assert!(miss < 1e-6 * (1.0 + difference.norm()), "{k}: {miss} of {}", difference.norm());
+        }
+    });
 }

@@ -4,11 +4,11 @@ use std::rc::Rc;
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 use uvms_gym::control::{
-    ACTIONS, ActionKind, ActionMap, Actuation, AdaptiveMotionGains, Allocation, BlockIndices, Controller, MAX_DELAY,
-    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths,
+    ACTIONS, ActionKind, ActionMap, Actuation, AdaptiveMotionGains, Allocation, BlockIndices, ChainState, Controller,
+    MAX_DELAY, NominalModel, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Velocities, Widths,
 };
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::{ClosedFormModel, Loads, SerialChain, Velocities};
+use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::error::ControlError;
 use uvms_gym::system::{JOINTS, Joints, State};
 
@@ -56,7 +56,7 @@ fn gains() -> ResolvedMotionGains {
 /// Vehicle and arm in still water, and the pose error for small motions.
 #[derive(Clone)]
 struct Plant {
-    chain: Rc<SerialChain>,
+    model: Rc<NominalModel>,
     actuation: Rc<Actuation<f64>>,
     home: Joints,
     rotation: Rotation3<f64>,
@@ -77,9 +77,9 @@ impl Plant {
         let mut q = [0.0; JOINTS];
         scene().joints().zip(&mut q).for_each(|(joint, q)| *q = joint.home);
         let now = Motion { error: Vector6::zeros(), velocities: Velocities::zeros(), up: Vector3::z(), q };
-        let (chain, actuation) = (SerialChain::new(&scene()).unwrap(), Actuation::new(&actions()));
+        let (model, actuation) = (NominalModel::new(&scene()), Actuation::new(&actions()));
         let rotation = Rotation3::identity();
-        Self { chain: Rc::new(chain), actuation: Rc::new(actuation), home: q, rotation, now }
+        Self { model: Rc::new(model), actuation: Rc::new(actuation), home: q, rotation, now }
     }
 
     fn observation(&self) -> Vec<f32> {
@@ -105,12 +105,10 @@ impl Plant {
     fn pass(&mut self, effort: &Velocities, load: &Velocities) {
         let (now, dt) = (&mut self.now, PERIOD / f64::from(SUBSTEPS));
         for _ in 0..SUBSTEPS {
-            let terms = self.chain.at(&now.up, &now.q, &now.velocities);
-            let passive = |k: usize| self.chain.passive(k, now.q[k], now.velocities[6 + k]).torque;
-            let mut net = effort + load - terms.bias;
-            (0..N).for_each(|k| net[6 + k] += passive(k));
-            now.velocities += terms.mass.cholesky().unwrap().solve(&net) * dt;
-            now.error += terms.jacobian * now.velocities * dt;
+            let at = ChainState { up: &now.up, q: &now.q, velocities: &now.velocities };
+            let equations = self.model.equations(at, 0.0);
+            now.velocities += equations.solve(&(effort + load - equations.bias)) * dt;
+            now.error += equations.jacobian * now.velocities * dt;
             (0..N).for_each(|k| now.q[k] += now.velocities[6 + k] * dt);
             let turn = now.velocities.fixed_rows::<3>(3) * dt;
             self.rotation *= Rotation3::from_scaled_axis(turn);

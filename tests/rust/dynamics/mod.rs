@@ -5,4 +5,3 @@ mod closed_form;
 mod implicit;
 mod momentum;
 mod se3;
-mod serial_chain;

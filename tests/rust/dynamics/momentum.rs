@@ -2,7 +2,7 @@
 
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
-use uvms_gym::control::{AppliedWrenches, ArmMotion, Plant, VehicleMotion};
+use uvms_gym::control::{AppliedWrenches, ArmState, NominalModel, VehicleMotion};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::aba::Scratch;
 use uvms_gym::dynamics::{ClosedFormModel, CompositeBody, Loads};
@@ -56,7 +56,7 @@ fn the_composite_body_is_the_sum_of_the_closed_form() {
 }
 
 /// A level scene's vehicle somewhere, and its arm.
-fn somewhere(seed: u64, scene: &Scene) -> (State, VehicleMotion<f64>, ArmMotion<f64>) {
+fn somewhere(seed: u64, scene: &Scene) -> (State, VehicleMotion<f64>, ArmState<f64>) {
     let state = random_state(seed, scene);
     let error = Vector6::from_iterator(
         (state.rotation.tr_mul(&state.position)).iter().chain(rotation_vector(&state.rotation).iter()).copied(),
@@ -65,7 +65,7 @@ fn somewhere(seed: u64, scene: &Scene) -> (State, VehicleMotion<f64>, ArmMotion<
         error: lie::Vector6::from_array(error.into()),
         twist: lie::Vector6::from_array(state.twist.into()),
     };
-    let arm = ArmMotion { q: state.q, qd: state.qd };
+    let arm = ArmState { q: state.q, qd: state.qd };
     (state, motion, arm)
 }
 
@@ -76,7 +76,7 @@ fn wrenches(seed: u64) -> AppliedWrenches<f64> {
 }
 
 /// The arm a little later, at steady rates.
-fn later(arm: &ArmMotion<f64>, time: f64) -> ArmMotion<f64> {
+fn later(arm: &ArmState<f64>, time: f64) -> ArmState<f64> {
     let mut then = *arm;
     then.q.iter_mut().zip(&arm.qd).for_each(|(q, qd)| *q += time * qd);
     then
@@ -86,13 +86,17 @@ fn later(arm: &ArmMotion<f64>, time: f64) -> ArmMotion<f64> {
 fn predictions_start_as_the_closed_form_says() {
     // Without thrusters nothing lags.
     for (seed, mut scene) in scenes().filter(|scene| !scene.vehicle.thrusters.is_empty()).enumerate() {
-        (scene.vehicle.fins, scene.vehicle.tether, scene.vehicle.forward_damping) = (Vec::new(), None, None);
         scene.vehicle.set_thruster_lag(0.1);
         let (state, motion, arm) = somewhere(seed as u64, &scene);
         let wrenches = wrenches(seed as u64);
         let time = 1e-6;
-        let then =
-            Plant::new(&scene).predict(&motion, [&arm, &later(&arm, time)], &wrenches, time, &mut Scratch::new());
+        let then = NominalModel::new(&scene).predict(
+            &motion,
+            [&arm, &later(&arm, time)],
+            &wrenches,
+            time,
+            &mut Scratch::new(),
+        );
         let rate = (then.motion.twist - motion.twist).to_array();
         let model = ClosedFormModel::new(&scene).unwrap();
         let form = model.at(&state, Vector3::zeros());
@@ -110,14 +114,14 @@ fn predictions_start_as_the_closed_form_says() {
 fn predictions_are_of_second_order() {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
     scene.vehicle.set_thruster_lag(0.1);
-    let plant = Plant::new(&scene);
+    let model = NominalModel::new(&scene);
     let (_, motion, arm) = somewhere(3, &scene);
     let wrenches = wrenches(3);
     let over = |time: f64, pieces: usize| {
         let (mut motion, mut arm, mut wrenches) = (motion, arm, wrenches);
         for _ in 0..pieces {
             let then = later(&arm, time / pieces as f64);
-            let reached = plant.predict(&motion, [&arm, &then], &wrenches, time / pieces as f64, &mut Scratch::new());
+            let reached = model.predict(&motion, [&arm, &then], &wrenches, time / pieces as f64, &mut Scratch::new());
             (motion, wrenches.thrust) = (reached.motion, reached.thrust);
             arm = then;
         }

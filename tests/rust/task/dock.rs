@@ -135,12 +135,16 @@ fn the_reward_is_the_sum_of_its_terms_and_prefers_a_slow_vehicle_on_the_dock() {
     assert!(reward(5.0, 0.0) - reward(5.0, 0.5) < 0.002);
 }
 
+fn kind(name: &str) -> ControllerKind {
+    ControllerKind::named(name).unwrap()
+}
+
 #[test]
 fn the_controllers_approach_speed_is_limited() {
     let task = task();
     let gains = serde_json::json!({"approach_speed": 0.3, "turn_speed": 0.2});
     let given: GainMap = gains.as_object().unwrap().clone();
-    let controller = task.controller(ControllerKind::DockPd, &given).unwrap();
+    let controller = task.controller(kind("dock-pd"), &given).unwrap();
     let servo = task.scene().vehicle.servo.clone().unwrap();
     let surge = |x: f64, speed: f64| {
         let (mut episode, mut state) = on_the_dock(&task);
@@ -163,7 +167,7 @@ fn the_controllers_approach_speed_is_limited() {
 fn controllers_of_other_tasks_are_refused() {
     let (dock, station) = (task(), task_with(TaskOptions::default()));
     let refused = |task: &Task, kind| task.controller(kind, &GainMap::new()).err().unwrap().to_string();
-    assert!(refused(&dock, ControllerKind::Pd).contains("docking PD"));
-    assert!(refused(&dock, ControllerKind::ResolvedMotion).contains("path"));
-    assert!(refused(&station, ControllerKind::DockPd).contains("dock"));
+    assert!(refused(&dock, kind("pd")).contains("docking PD"));
+    assert!(refused(&dock, kind("resolved-motion")).contains("path"));
+    assert!(refused(&station, kind("dock-pd")).contains("dock"));
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
-use uvms_gym::control::{ActionKind, Controller};
+use std::sync::Arc;
+use uvms_gym::control::{ActionKind, Controller, GainMap};
 use uvms_gym::description::Scene;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::system::{JOINTS, State, rotation_vector};
@@ -64,9 +65,13 @@ fn drift(state: &mut State, command: &Command<f64>, current: &Vector3<f64>, peri
     }
 }
 
+fn pd(task: &Task) -> Result<Arc<dyn Controller>, TaskError> {
+    task.controller(ControllerKind::named("pd").unwrap(), &GainMap::new())
+}
+
 /// Runs an episode under the PD, or without action; returns the last outcome.
 fn run(task: &Task, key: EpisodeKey, controlled: bool) -> Outcome {
-    let pd = task.pd(None).unwrap();
+    let pd = pd(task).unwrap();
     let (mut episode, mut state) = task.begin(key);
     let mut row = vec![0.0; task.observation_len()];
     let mut action = vec![0.0; task.action_len()];
@@ -422,7 +427,7 @@ fn impossible_tasks_are_refused() {
     }
     let mut silent = scene();
     silent.vehicle.servo = None;
-    assert!(matches!(Task::new(&silent, Default::default()).unwrap().pd(None), Err(TaskError::Scene { .. })));
+    assert!(matches!(pd(&Task::new(&silent, Default::default()).unwrap()), Err(TaskError::Scene { .. })));
 }
 
 #[test]
@@ -445,7 +450,7 @@ fn every_shipped_scene_with_six_thrusters_can_keep_station() {
         }
         for action in [ActionKind::Wrench, ActionKind::Thrusters] {
             let task = Task::new(&scene, TaskOptions { action, ..Default::default() }).unwrap();
-            assert!(task.pd(None).is_ok(), "{name}");
+            assert!(pd(&task).is_ok(), "{name}");
             assert!(task.allocation().unactuated().is_empty(), "{name}: {:?}", task.allocation().unactuated());
         }
     }

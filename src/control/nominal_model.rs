@@ -1,14 +1,15 @@
-//! Nominal model of vehicle and arm in still water, in lanes: predictions for controllers.
+//! Nominal model of vehicle and arm in still water, in lanes, for controllers and their predictions.
 
-use nalgebra::Matrix6;
+use nalgebra as na;
 
+use super::equations::{ChainState, Velocities};
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
 use crate::dynamics::aba::Scratch;
-use crate::lane::{Isa, Kernel, Lane, Param, Real, Routine, Shared};
+use crate::lane::{Lane, Param, Routine, Shared};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;
-use crate::system::{JOINTS, System, compile};
+use crate::system::{EndEffector, JOINTS, Joints, System, compile};
 
 /// Longest step of a prediction, s.
 const STEP: f64 = 0.1;
@@ -24,14 +25,14 @@ pub struct VehicleMotion<L> {
 
 /// Joint coordinates and rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ArmMotion<L> {
+pub struct ArmState<L> {
     /// rad or m.
     pub q: [L; JOINTS],
     /// rad/s or m/s.
     pub qd: [L; JOINTS],
 }
 
-impl<L: Lane> ArmMotion<L> {
+impl<L: Lane> ArmState<L> {
     /// `self * s + b`
     #[inline(always)]
     pub fn scale_add(&self, s: L, b: &Self) -> Self {
@@ -45,11 +46,11 @@ impl<L: Lane> ArmMotion<L> {
 
     /// `self - b`
     #[inline(always)]
-    pub fn less(&self, b: &Self) -> Self {
+    pub fn minus(&self, b: &Self) -> Self {
         b.scale_add(L::c(-1.0), self)
     }
 
-    /// `yes` where the mask holds, else `no`.
+    /// `yes` where the mask is true, else `no`.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
         let mut arm = *no;
@@ -68,24 +69,28 @@ pub struct AppliedWrenches<L> {
     pub command: Vector6<L>,
     /// Thrusters' wrench at the start; it follows the command with their lag.
     pub thrust: Vector6<L>,
-    /// Disturbance: force that the model lacks.
+    /// Disturbance: wrench that the model does not explain.
     pub disturbance: Vector6<L>,
 }
 
-/// The nominal model.
+/// Nominal model of a scene, which all controllers share: the compiled system, its end effector, and the thrusters' lag.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plant {
-    system: System<Shared<f64>>,
+pub struct NominalModel {
+    pub(super) system: System<Shared<f64>>,
+    pub(super) end_effector: EndEffector,
+    /// Magnitude of gravity, m/s2.
+    pub(super) gravity: f64,
     /// Mean time constant of the thrusters, s.
     lag: f64,
 }
 
-impl Plant {
+impl NominalModel {
     /// Nominal model of a checked scene.
     pub fn new(scene: &Scene) -> Self {
         let count = scene.vehicle.thrusters.len();
         let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;
-        Self { system: compile(scene).system, lag }
+        let (end_effector, gravity) = (EndEffector::new(scene), scene.water.gravity.norm());
+        Self { system: compile(scene).system, end_effector, gravity, lag }
     }
 
     /// Number of joints.
@@ -99,15 +104,14 @@ impl Plant {
     }
 
     /// Composite inertia of vehicle and arm at these joint coordinates.
-    pub fn inertia(&self, q: &[f64; JOINTS]) -> Matrix6<f64> {
-        let mut kernel = Inertia { plant: self, q, inertia: Matrix6::zeros() };
-        f64::dispatch_narrow(Isa::best().unwrap_or(Isa::Plain), &mut kernel);
-        kernel.inertia
+    pub fn inertia(&self, q: &Joints) -> na::Matrix6<f64> {
+        let at = ChainState { up: &na::Vector3::z(), q, velocities: &Velocities::zeros() };
+        self.equations(at, 0.0).inertia.fixed_view::<6, 6>(0, 0).into_owned()
     }
 
-    /// Gravity in vehicle axes. Targets are level, so that the attitude error alone gives it.
+    /// Gravity in vehicle axes. Targets are level, so that the attitude error gives it.
     #[inline(always)]
-    fn gravity<L: Lane<Real = f64>>(&self, error: Vector6<L>) -> Vector3<L> {
+    fn gravity_at<L: Lane<Real = f64>>(&self, error: Vector6<L>) -> Vector3<L> {
         let rotation = exp_se3(Vector6 { linear: Vector3::zero(), angular: error.angular }).rotation;
         let [x, y, z] = self.system.gravity;
         rotation.apply_transposed(Vector3([x.get(), y.get(), z.get()]))
@@ -118,12 +122,12 @@ impl Plant {
     pub fn composite_body<L: Lane<Real = f64>>(
         &self,
         at: &VehicleMotion<L>,
-        arm: &ArmMotion<L>,
+        arm: &ArmState<L>,
         scratch: &mut Scratch<L>,
     ) -> CompositeBody<L> {
         let (six, inertia) = (Vector6::zero(), SpatialInertia::zero());
         let mut body = CompositeBody { inertia, momentum: six, force: six };
-        L::call(&mut Composition { plant: self, at, arm, scratch, body: &mut body });
+        L::call(&mut Composition { model: self, at, arm, scratch, body: &mut body });
         body
     }
 
@@ -133,7 +137,7 @@ impl Plant {
     pub fn predict<L: Lane<Real = f64>>(
         &self,
         from: &VehicleMotion<L>,
-        [arm, arm_then]: [&ArmMotion<L>; 2],
+        [arm, arm_then]: [&ArmState<L>; 2],
         wrenches: &AppliedWrenches<L>,
         time: f64,
         scratch: &mut Scratch<L>,
@@ -141,7 +145,7 @@ impl Plant {
         let steps = (time / STEP - 1e-6).ceil().max(1.0);
         let h = time / steps;
         let (end, mean) = lag_decay(h, self.lag);
-        let moved = arm_then.less(arm);
+        let change = arm_then.minus(arm);
         let mut predicted = Prediction { motion: *from, thrust: wrenches.thrust, inertia: SpatialInertia::zero() };
         for step in 0..steps as usize {
             let gap = predicted.thrust - wrenches.command;
@@ -149,7 +153,7 @@ impl Plant {
             predicted.thrust = gap.scale_add(L::c(end), wrenches.command);
             let arms = [step as f64, step as f64 + 1.0];
             let [arm, arm_then] =
-                [moved.scale_add(L::c(arms[0] / steps), arm), moved.scale_add(L::c(arms[1] / steps), arm)];
+                [change.scale_add(L::c(arms[0] / steps), arm), change.scale_add(L::c(arms[1] / steps), arm)];
             let start = predicted.motion;
             let (mut momentum, mut first_rate, mut joints) = (Vector6::zero(), Vector6::zero(), Vector6::zero());
             // At the start; with the arm's later position, for the inertia; and after the Euler step.
@@ -176,11 +180,11 @@ impl Plant {
     }
 }
 
-/// [`Plant::composite_body`], which controllers need in several places, as a function of its own.
+/// [`NominalModel::composite_body`], which controllers need in several places, as a function of its own.
 struct Composition<'a, L> {
-    plant: &'a Plant,
+    model: &'a NominalModel,
     at: &'a VehicleMotion<L>,
-    arm: &'a ArmMotion<L>,
+    arm: &'a ArmState<L>,
     scratch: &'a mut Scratch<L>,
     body: &'a mut CompositeBody<L>,
 }
@@ -188,33 +192,11 @@ struct Composition<'a, L> {
 impl<L: Lane<Real = f64>> Routine<L> for Composition<'_, L> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { plant, at, arm, scratch, body } = self;
+        let Self { model, at, arm, scratch, body } = self;
         let joints = (&arm.q, &arm.qd);
-        **body = CompositeBody::of(&plant.system, plant.gravity(at.error), at.twist, joints, scratch);
-    }
-}
-
-/// Composite inertia at these joint coordinates.
-struct Inertia<'a> {
-    plant: &'a Plant,
-    q: &'a [f64; JOINTS],
-    inertia: Matrix6<f64>,
-}
-
-impl Kernel<f64> for Inertia<'_> {
-    #[inline(always)]
-    fn run<L: Lane<Real = f64>>(&mut self) {
-        let at = VehicleMotion { error: Vector6::zero(), twist: Vector6::zero() };
-        let mut arm = ArmMotion { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
-        for k in 0..JOINTS {
-            arm.q[k] = L::splat(self.q[k]);
-        }
-        let body = self.plant.composite_body(&at, &arm, &mut Scratch::new());
-        for i in 0..6 {
-            for k in 0..6 {
-                body.inertia.entry(i, k).store(&mut self.inertia.as_mut_slice()[6 * k + i..][..1]);
-            }
-        }
+        let gravity = model.gravity_at(at.error);
+        **body = CompositeBody::of(&model.system, gravity, at.twist, joints, scratch);
+        body.force = body.force + model.system.terms.passive_wrench(at.twist, gravity);
     }
 }
 

@@ -1,0 +1,153 @@
+//! Equations of motion of the nominal model, vehicle and arm together in still water, and their exact derivatives.
+
+use std::cell::OnceCell;
+
+use nalgebra as na;
+use nalgebra::{Cholesky, Const, SMatrix, SVector};
+
+use super::nominal_model::NominalModel;
+use crate::dynamics::aba::{Scratch, link_twists};
+use crate::dynamics::{implicit_joint_torque, inverse_dynamics};
+use crate::lane::{Function, Lane, differentiate, inverse_sqrt};
+use crate::lie::{Vector3, Vector6};
+use crate::system::{JOINTS, Joints};
+
+/// Maximum number of velocities `[V; q']`.
+pub const VELOCITIES: usize = 6 + JOINTS;
+/// Velocities `[V; q']` or generalized forces `[F; tau]`; entries past the scene's are 0.
+pub type Velocities = SVector<f64, VELOCITIES>;
+/// Mass matrix; identity past the scene's velocities.
+pub type MassMatrix = SMatrix<f64, VELOCITIES, VELOCITIES>;
+
+/// State of vehicle and arm in still water.
+#[derive(Debug, Clone, Copy)]
+pub struct ChainState<'a> {
+    /// Direction against gravity, vehicle axes; of any length.
+    pub up: &'a na::Vector3<f64>,
+    /// Joint coordinates, rad or m.
+    pub q: &'a Joints,
+    /// Velocities `[V; q']`.
+    pub velocities: &'a Velocities,
+}
+
+// Places in arguments `[up; q; V; q'; accelerations]`.
+const Q: usize = 3;
+const VELOCITY: usize = Q + JOINTS;
+const STATE: usize = VELOCITY + VELOCITIES;
+const ARGUMENT: usize = STATE + VELOCITIES;
+
+impl ChainState<'_> {
+    /// `[up; q; V; q'; accelerations]`, or the first K of these.
+    fn argument<const K: usize>(&self, accelerations: &Velocities) -> [f64; K] {
+        let all = self.up.iter().chain(self.q).chain(self.velocities).chain(accelerations);
+        let mut argument = [0.0; K];
+        argument.iter_mut().zip(all).for_each(|(entry, x)| *entry = *x);
+        argument
+    }
+}
+
+/// `(M + T D) [V'; q''] + bias = [F; tau]` at a state: M includes added mass, and D is the decrease of the joints' passive torques
+/// per rate, over a time T ahead.
+#[derive(Debug, Clone)]
+pub struct Equations {
+    /// `M + T D`
+    pub inertia: MassMatrix,
+    /// `C [V; q']` minus damping, weight, buoyancy, fins, tether, and the joints' friction and end stops.
+    pub bias: Velocities,
+    /// End-effector body twist per `[V; q']`.
+    pub jacobian: SMatrix<f64, 6, VELOCITIES>,
+    /// Factor of the inertia, made when it is needed first; none where it is not positive definite, which does not happen.
+    factor: OnceCell<Option<Cholesky<f64, Const<VELOCITIES>>>>,
+}
+
+impl Equations {
+    /// `(M + T D)^-1` times a force; 0 without a factor.
+    pub fn solve(&self, force: &Velocities) -> Velocities {
+        let factor = self.factor.get_or_init(|| self.inertia.cholesky());
+        factor.as_ref().map_or_else(Velocities::zeros, |factor| factor.solve(force))
+    }
+}
+
+impl NominalModel {
+    /// Equations of motion at a state, implicit in the joints' passive torques over a time T, s.
+    pub fn equations(&self, at: ChainState, implicit: f64) -> Equations {
+        let (mut inertia, mut jacobian) = (MassMatrix::identity(), SMatrix::<f64, 6, VELOCITIES>::zeros());
+        let force = Force { model: self, implicit };
+        let size = 6 + self.joints();
+        let by: Vec<usize> = (STATE..STATE + size).collect();
+        let (bias, forces) = differentiate(&force, &at.argument(&Velocities::zeros()), &by);
+        let by: Vec<usize> = (VELOCITY..VELOCITY + size).collect();
+        let (_, twists) = differentiate(&EffectorTwist(self), &at.argument(&Velocities::zeros()), &by);
+        for k in 0..size {
+            inertia.set_column(k, &Velocities::from(forces[k]));
+            jacobian.set_column(k, &na::Vector6::from(twists[k]));
+        }
+        Equations { inertia, bias: bias.into(), jacobian, factor: OnceCell::new() }
+    }
+
+    /// Derivatives of the force `(M + T D) a + bias` by `[up; q; V; q']` at an acceleration a.
+    pub fn force_derivatives(&self, at: ChainState, acceleration: &Velocities, implicit: f64) -> Vec<Velocities> {
+        let n = self.joints();
+        let by: Vec<usize> = (0..Q + n).chain(VELOCITY..VELOCITY + 6 + n).collect();
+        let (_, slopes) = differentiate(&Force { model: self, implicit }, &at.argument(acceleration), &by);
+        slopes.into_iter().map(Velocities::from).collect()
+    }
+
+    /// Derivatives of the end effector's twist by the joint coordinates.
+    pub fn twist_derivatives(&self, at: ChainState) -> Vec<na::Vector6<f64>> {
+        let by: Vec<usize> = (Q..Q + self.joints()).collect();
+        let (_, slopes) = differentiate(&EffectorTwist(self), &at.argument(&Velocities::zeros()), &by);
+        slopes.into_iter().map(na::Vector6::from).collect()
+    }
+}
+
+/// Generalized force of `[up; q; V; q'; V'; q'']`.
+struct Force<'a> {
+    model: &'a NominalModel,
+    implicit: f64,
+}
+
+impl Function<ARGUMENT, VELOCITIES> for Force<'_> {
+    #[inline(always)]
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; ARGUMENT]) -> [L; VELOCITIES] {
+        let Self { model, implicit } = self;
+        let (system, h) = (&model.system, L::c(*implicit));
+        let ((q, twist, qd), (_, rate, qdd)) = (motion(x, VELOCITY), motion(x, STATE));
+        let up = Vector3([x[0], x[1], x[2]]);
+        let gravity = up.scale(L::c(-model.gravity) * inverse_sqrt(up.dot(up).max(L::c(1e-30))));
+        let (total, torques) = inverse_dynamics(system, gravity, [twist, rate], [&q, &qd, &qdd], &mut Scratch::new());
+        let mut force = [L::zero(); VELOCITIES];
+        force[..6].copy_from_slice(&(total - system.terms.passive_wrench(twist, gravity)).to_array());
+        for (i, joint) in system.chain().iter().enumerate() {
+            // At the present coordinate, h ahead of that before.
+            let (passive, decrease) =
+                implicit_joint_torque(joint, h, h.neg_mul_add(qd[i], q[i]), qd[i], L::zero(), None);
+            force[6 + i] = decrease.mul_add(qdd[i], torques[i] - passive);
+        }
+        force
+    }
+}
+
+/// End-effector body twist of `[up; q; V; q']`.
+struct EffectorTwist<'a>(&'a NominalModel);
+
+impl Function<STATE, 6> for EffectorTwist<'_> {
+    #[inline(always)]
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; STATE]) -> [L; 6] {
+        let (q, twist, qd) = motion(x, VELOCITY);
+        let mut twists = [twist; 1 + JOINTS];
+        link_twists(&self.0.system, twist, &q, &qd, &mut Scratch::new(), &mut twists[1..]);
+        let (carrier, tip) = self.0.end_effector.tip();
+        tip.adjoint_apply_inverse(twists[carrier]).to_array()
+    }
+}
+
+/// Joint coordinates of an argument, and the twist and joint rates, or their rates, from place `at` on.
+#[inline(always)]
+fn motion<L: Lane>(x: &[L], at: usize) -> ([L; JOINTS], Vector6<L>, [L; JOINTS]) {
+    let (mut q, mut qd, mut twist) = ([L::zero(); JOINTS], [L::zero(); JOINTS], [L::zero(); 6]);
+    q.copy_from_slice(&x[Q..VELOCITY]);
+    twist.copy_from_slice(&x[at..at + 6]);
+    qd.copy_from_slice(&x[at + 6..at + VELOCITIES]);
+    (q, Vector6::from_array(twist), qd)
+}
