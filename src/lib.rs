@@ -49,7 +49,6 @@
 #![warn(missing_docs)]
 
 pub mod batch;
-#[allow(missing_docs)]
 pub mod control;
 pub mod description;
 pub mod dynamics;

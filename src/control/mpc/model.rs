@@ -37,6 +37,7 @@ fn six(from: &[f64], k: usize) -> Vector6<f64> {
 }
 
 impl LinearModel {
+    /// Model with the arm at home, for thrusters with these wrench limits.
     pub fn new(model: &NominalModel, home: &Joints, unit: [f64; 6], gains: &MpcGains, period: f64) -> Self {
         let inertia = model.inertia(home);
         let (end, mean) = lag_decay(period, model.lag());

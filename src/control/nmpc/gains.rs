@@ -22,9 +22,11 @@ pub struct NmpcGains {
     pub levelling: f64,
     /// Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints.
     pub observer_bandwidth: [f64; 3],
-    /// As for [`ObserverGains`]; in station keeping only.
+    /// As in [`ObserverGains`], in station keeping only: wave accelerations, m/s2 and rad/s2,
     pub wave_acceleration: [f64; 2],
+    /// frequency of the waves, rad/s,
     pub wave_frequency: f64,
+    /// and noise on accelerations, m/s2 and rad/s2 times the root of a second.
     pub acceleration_noise: [f64; 2],
     /// Age of measurements, control periods.
     pub delay: usize,

@@ -31,14 +31,14 @@ impl Cost {
 
 /// Plan from the present state: inputs of each control period, and their problem.
 pub struct Plan<'a, M> {
-    pub model: &'a M,
-    pub cost: &'a Cost,
+    model: &'a M,
+    cost: &'a Cost,
     /// Derivatives of a control period by z, of all knots.
-    pub dynamics: &'a DMatrix<f64>,
+    dynamics: &'a DMatrix<f64>,
     /// z at which a knot costs nothing; the last one is of the end.
-    pub targets: &'a [DVector<f64>],
+    targets: &'a [DVector<f64>],
     /// Minimum and maximum inputs.
-    pub bounds: &'a [DVector<f64>; 2],
+    bounds: &'a [DVector<f64>; 2],
     /// Inputs, and the states before, between and after them.
     present: Trajectory,
     candidates: Vec<Trajectory>,

@@ -40,12 +40,14 @@ pub struct VehicleNmpc {
     model: NominalModel,
     period: f64,
     thrusts: RelativeThrusts,
+    /// Cost of a plan.
     pub cost: Cost,
     /// Transitions of waves from now to the middle of each control period.
     waves: Vec<WaveTransition>,
 }
 
 impl VehicleNmpc {
+    /// For a checked scene.
     pub fn new(gains: NmpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
         let (allocation, period) = (actions.allocation(), observer.period());
         let (unit, thrusts) = (allocation.wrench_limits(), RelativeThrusts::new(allocation));
@@ -61,6 +63,7 @@ impl VehicleNmpc {
         nmpc
     }
 
+    /// Its gains.
     pub fn gains(&self) -> &NmpcGains {
         &self.gains
     }
