@@ -4,12 +4,11 @@ use std::rc::Rc;
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 use uvms_gym::control::{
-    ACTIONS, ActionKind, ActionMap, Actuation, AdaptiveMotionGains, Allocation, BlockIndices, ChainState, Controller,
-    MAX_DELAY, NominalModel, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Velocities, Widths,
+    ACTIONS, ActionKind, ActionMap, Actuation, Allocation, BlockIndices, ChainState, Controller, NominalModel,
+    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Velocities,
 };
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
-use uvms_gym::error::ControlError;
 use uvms_gym::system::{JOINTS, Joints, State};
 
 const PERIOD: f64 = 0.1;
@@ -41,12 +40,8 @@ fn actions() -> ActionMap {
     ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec())
 }
 
-fn policy(gains: ResolvedMotionGains) -> Result<ResolvedMotion, ControlError> {
-    ResolvedMotion::new(&scene(), reading(), gains, actions(), PERIOD)
-}
-
-fn adaptive(gains: AdaptiveMotionGains) -> Result<ResolvedMotion, ControlError> {
-    ResolvedMotion::adaptive(&scene(), reading(), gains, actions(), PERIOD)
+fn policy(gains: ResolvedMotionGains) -> ResolvedMotion {
+    ResolvedMotion::new(&scene(), reading(), gains, actions(), PERIOD).unwrap()
 }
 
 fn gains() -> ResolvedMotionGains {
@@ -159,7 +154,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 #[test]
 fn without_errors_all_velocities_die_out_at_their_gains() {
     let gains = ResolvedMotionGains { posture_gain: 0.0, levelling_gain: 0.0, ..ResolvedMotionGains::default() };
-    let (policy, balance, mut draw) = (policy(gains).unwrap(), ClosedFormModel::new(&scene()).unwrap(), noise(3));
+    let (policy, balance, mut draw) = (policy(gains), ClosedFormModel::new(&scene()).unwrap(), noise(3));
     for _ in 0..10 {
         let mut plant = Plant::at_home();
         plant.rotation = Rotation3::from_euler_angles(0.05 * draw(), 0.05 * draw(), 0.0);
@@ -186,56 +181,12 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
 }
 
 #[test]
-fn rows_are_independent_and_remember_for_themselves() {
-    let gains = ResolvedMotionGains {
-        integral_gain: 0.4,
-        observer_bandwidth: [3.0, 3.0, 4.0],
-        delay: 2,
-        lag_compensation: 0.5,
-        ..gains()
-    };
-    let policy = policy(gains).unwrap();
-    let (Widths { observation, memory, action }, mut draw) = (policy.widths(), noise(5));
-    let mut together = (vec![0.0; 4 * memory], vec![0.0f32; 4 * action]);
-    let mut alone = vec![(vec![0.0; memory], vec![0.0f32; action]); 4];
-    for _ in 0..8 {
-        let rows: Vec<f32> =
-            (0..4 * observation).map(|k| if k % observation == 14 { 1.0 } else { 0.1 * draw() as f32 }).collect();
-        policy.act(&rows, &mut together.0, &mut together.1).unwrap();
-        for (k, (memory, action)) in alone.iter_mut().enumerate() {
-            policy.act(&rows[k * observation..][..observation], memory, action).unwrap();
-        }
-        let (memories, actions): (Vec<_>, Vec<_>) = alone.iter().cloned().unzip();
-        assert_eq!(together, (memories.concat(), actions.concat()));
-    }
-    assert!(together.0.iter().chain(&together.0).all(|x| x.is_finite()));
-}
-
-#[test]
-fn options_at_zero_are_no_options() {
-    assert_eq!(policy(gains()).unwrap().widths().memory, 0);
-    let integrating = ResolvedMotionGains { integral_gain: 1e-300, ..gains() };
-    let mut plant = Plant::at_home();
-    plant.now.error[0] = 0.1;
-    let (policy_plain, mut plain) = (policy(gains()).unwrap(), vec![0.0; 11]);
-    let row = plant.observation();
-    policy_plain.act(&row, &mut [], &mut plain).unwrap();
-    let integrated = {
-        let policy = policy(integrating).unwrap();
-        let (mut memory, mut action) = (vec![0.0; 6], vec![0.0; 11]);
-        (0..9).for_each(|_| policy.act(&row, &mut memory, &mut action).unwrap());
-        action
-    };
-    assert_eq!(plain, integrated);
-}
-
-#[test]
 fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
     let with = |observer_bandwidth, delay| ResolvedMotionGains { observer_bandwidth, delay, ..gains() };
-    let (_, plain, _) = closed_loop(&policy(gains()).unwrap(), Plant::at_home(), &load(), 0, 150);
+    let (_, plain, _) = closed_loop(&policy(gains()), Plant::at_home(), &load(), 0, 150);
     assert!(plain > 0.02, "{plain}");
     for delay in [0, 1, 2] {
-        let policy = policy(with([3.0, 3.0, 3.0], delay)).unwrap();
+        let policy = policy(with([3.0, 3.0, 3.0], delay));
         let (_, error, memory) = closed_loop(&policy, Plant::at_home(), &load(), delay, 150);
         let found = &memory[1 + 6 + N..][..6 + N];
         for k in 0..6 + N {
@@ -248,7 +199,7 @@ fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
 
 #[test]
 fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
-    let policy = policy(ResolvedMotionGains { integral_gain: 0.5, ..gains() }).unwrap();
+    let policy = policy(ResolvedMotionGains { integral_gain: 0.5, ..gains() });
     let (_, error, _) = closed_loop(&policy, Plant::at_home(), &load(), 0, 300);
     assert!(error < 2e-3, "{error}");
     // More than the thrusters reach.
@@ -273,66 +224,10 @@ fn a_prediction_makes_up_for_the_delay() {
     start.now.error[1] = 0.1;
     start.now.velocities[0] = 0.2;
     let run = |delay, late| {
-        let policy = policy(ResolvedMotionGains { delay, ..fast }).unwrap();
+        let policy = policy(ResolvedMotionGains { delay, ..fast });
         closed_loop(&policy, start.clone(), &Velocities::zeros(), late, 60).0
     };
     let (prompt, blind, predicted) = (run(0, 0), run(0, 3), run(3, 3));
     assert!(predicted < 3.0 * prompt.max(1e-4), "{predicted} {prompt}");
     assert!(blind > 10.0 * predicted, "{blind} {predicted}");
-}
-
-#[test]
-fn a_bank_of_models_alike_is_one_model() {
-    let motion = ResolvedMotionGains {
-        observer_bandwidth: [3.0, 3.0, 4.0],
-        lag_compensation: 0.5,
-        integral_gain: 0.3,
-        ..gains()
-    };
-    let bank = adaptive(AdaptiveMotionGains { motion, thrust_factors: [1.0; 3], ..AdaptiveMotionGains::default() });
-    let (bank, one) = (bank.unwrap(), policy(motion).unwrap());
-    let run = |policy: &ResolvedMotion| closed_loop(policy, Plant::at_home(), &load(), 0, 60);
-    let ((many, many_last, _), (single, last, _)) = (run(&bank), run(&one));
-    assert!((many - single).abs() < 1e-9 && (many_last - last).abs() < 1e-9, "{many} {single}");
-}
-
-#[test]
-fn weights_converge_to_the_model_of_the_plant() {
-    let slow = ResolvedMotionGains { pose_gain: 1.0, twist_gain: 2.5, joint_gain: 4.0, ..gains() };
-    let mut start = Plant::at_home();
-    start.now.error[1] = 0.3;
-    start.now.velocities[0] = 0.2;
-    for delay in [0, 2] {
-        for place in 0..3 {
-            // The plant's thrust is the nominal one: the factor that is 1 fits.
-            let thrust_factors = [[1.0, 2.0, 4.0], [0.5, 1.0, 2.0], [0.25, 0.5, 1.0]][place];
-            let motion = ResolvedMotionGains { delay: 3, observer_bandwidth: [2.0; 3], ..slow };
-            let innovation = [1e-3, 3e-3, 3e-3];
-            let gains = AdaptiveMotionGains { motion, thrust_factors, innovation, ..AdaptiveMotionGains::default() };
-            let (_, _, memory) = closed_loop(&adaptive(gains).unwrap(), start.clone(), &load(), delay, 80);
-            let logs = &memory[..12];
-            let found = (0..12).max_by(|a, b| logs[*a].total_cmp(&logs[*b])).unwrap();
-            assert_eq!(found, 3 * delay + place, "{logs:?}");
-        }
-    }
-}
-
-#[test]
-fn bad_gains_are_refused_by_name() {
-    let refused = |gains| policy(gains).err().unwrap();
-    let gain = |name: &str, index, value| ControlError::Gain { name: name.into(), index, value };
-    assert_eq!(refused(ResolvedMotionGains { integral_gain: -1.0, ..gains() }), gain("integral_gain", 0, -1.0));
-    assert_eq!(refused(ResolvedMotionGains { lag_compensation: -0.5, ..gains() }), gain("lag_compensation", 0, -0.5));
-    assert_eq!(
-        refused(ResolvedMotionGains { observer_bandwidth: [1.0, -2.0, 0.0], ..gains() }),
-        gain("observer_bandwidth", 1, -2.0)
-    );
-    let not_a_number = refused(ResolvedMotionGains { joint_gain: f64::NAN, ..gains() });
-    assert!(matches!(not_a_number, ControlError::Gain { name, .. } if name == "joint_gain"));
-    assert_eq!(
-        refused(ResolvedMotionGains { delay: 11, ..gains() }),
-        ControlError::Delay { periods: 11, most: MAX_DELAY }
-    );
-    let factors = AdaptiveMotionGains { thrust_factors: [1.0, 0.0, 2.0], ..AdaptiveMotionGains::default() };
-    assert!(matches!(adaptive(factors).err(), Some(ControlError::GainShape { name, .. }) if name == "thrust_factors"));
 }
