@@ -126,15 +126,6 @@ impl Allocation {
         (0..self.count).map(|i| if self.range(i) > 0.0 { thrusts[i] / self.range(i) } else { 0.0 })
     }
 
-    /// Share of thrusters at their limit, 0 to 1.
-    pub fn saturation(&self, thrusts: &Thrusts) -> f64 {
-        let full = |&i: &usize| {
-            let limit = self.limits[i][usize::from(thrusts[i] > 0.0)].abs();
-            thrusts[i] != 0.0 && thrusts[i].abs() >= (1.0 - 1e-9) * limit
-        };
-        (0..self.count).filter(full).count() as f64 / self.count.max(1) as f64
-    }
-
     /// Body wrench `T_tcm T` of thrusts. `[HC eq. 25]`
     pub fn wrench(&self, thrusts: &Thrusts) -> Vector6<f64> {
         (0..self.count).map(|i| self.configuration[i] * thrusts[i]).sum()

@@ -144,17 +144,13 @@ pub(super) fn arm_of<L: Lane<Real = f64>>(arm: &ArmState<L>, lane: usize) -> Arm
     row
 }
 
-/// Writes the action of a wrench, 0 where a prediction has diverged.
-pub(super) fn write_action(map: &ActionMap, wrench: &na::Vector6<f64>, action: &mut [f32]) {
-    map.normalise(&wrench.map(|x| if x.is_finite() { x } else { 0.0 }), action);
-}
-
-/// Writes the actions of these wrenches.
+/// Writes the actions of these wrenches, 0 where a prediction has diverged.
 #[inline(always)]
 pub(super) fn write_actions<L: Lane<Real = f64>>(map: &ActionMap, wrench: Vector6<L>, actions: &mut [f32]) {
     let rows = rows_of(&[wrench.to_array()]);
     for lane in 0..actions.len() / map.len() {
-        write_action(map, &na::Vector6::from(rows[lane][0]), &mut actions[lane * map.len()..][..map.len()]);
+        let wrench = na::Vector6::from(rows[lane][0].map(|x| if x.is_finite() { x } else { 0.0 }));
+        map.normalise(&wrench, &mut actions[lane * map.len()..][..map.len()]);
     }
 }
 
