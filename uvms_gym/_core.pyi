@@ -467,8 +467,33 @@ class Task:
     def privileged(self) -> _Floats: ...
     def perfect_observations(self) -> NDArray[np.float32]: ...
     def record(
-        self, actor: Mlp, noise: NDArray[np.float32], teacher: Controller | None = None, *, teacher_acts: bool = False
+        self,
+        actor: Mlp,
+        noise: NDArray[np.float32],
+        teacher: Controller | None = None,
+        *,
+        teacher_acts: bool = False,
+        frames: bool = False,
     ) -> dict[str, NDArray[Any]]: ...
+    gradient_widths: Final[tuple[int, int, int, int, int, int]]
+    base: Final[Controller | None]
+    def frames(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+    def forces(
+        self, memories: NDArray[np.float32], actions: ArrayLike, base: ArrayLike | None = None
+    ) -> tuple[_Floats, _Floats]: ...
+    def act_vjp(
+        self, memories: NDArray[np.float32], actions: ArrayLike, cotangents: ArrayLike, base: ArrayLike | None = None
+    ) -> _Floats: ...
+    def evaluate_vjp(
+        self,
+        states: NDArray[np.float32],
+        memories: NDArray[np.float32],
+        before: NDArray[np.float32],
+        fresh: list[bool],
+        cotangents: ArrayLike,
+        *,
+        perfect: bool = False,
+    ) -> _Floats: ...
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
     ) -> tuple[NDArray[np.float32], _Floats]: ...

@@ -124,6 +124,11 @@ impl<T: Real> Actuation<T> {
         self.len
     }
 
+    /// Number of thrusters.
+    pub fn thrusters(&self) -> usize {
+        self.thrusters.len()
+    }
+
     /// Maximum ratio of a thrust to its limit, or 1 if that is more.
     #[inline(always)]
     fn excess<L: Lane<Real = T>>(&self, thrusts: &[L; THRUSTERS]) -> L {

@@ -91,6 +91,7 @@ impl<L: Lane> Lane for Dual<L> {
     type Real = L::Real;
     type Mask = L::Mask;
     const LANES: usize = L::LANES;
+    const SLOPES: bool = true;
 
     #[inline(always)]
     fn call<R: Routine<Self>>(routine: &mut R) {
@@ -122,6 +123,12 @@ impl<L: Lane> Lane for Dual<L> {
         let half = numbers.len() / 2;
         self.value.write(numbers, at);
         self.slope.write(numbers, half + at);
+    }
+    #[inline(always)]
+    fn store_single_at(self, numbers: &mut [f32], at: usize) {
+        let half = numbers.len() / 2;
+        self.value.store_single(&mut numbers[at..]);
+        self.slope.store_single(&mut numbers[half + at..]);
     }
     #[inline(always)]
     fn held(self) -> Self {

@@ -25,6 +25,8 @@ pub trait Lane:
     type Mask: Copy;
     /// Instances per group.
     const LANES: usize;
+    /// True for values with slopes, which [`Self::read`] and [`Self::write`] have in two halves of a memory.
+    const SLOPES: bool = false;
     /// True where a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
     const SCALAR: bool = Self::LANES == 1;
 
@@ -55,6 +57,11 @@ pub trait Lane:
         if let Some(numbers) = numbers.get_mut(at..at + Self::LANES) {
             self.store(numbers);
         }
+    }
+    /// Writes the nearest f32 to a memory from number `at` on: [`super::Dual`] values to its first half, slopes to its second.
+    #[inline(always)]
+    fn store_single_at(self, numbers: &mut [f32], at: usize) {
+        self.store_single(&mut numbers[at..]);
     }
     /// The same number as a constant in differentiation: [`super::Dual`] drops its slope.
     #[inline(always)]

@@ -29,18 +29,32 @@ impl<'a, T: Real> Rows<'a, T> {
     /// Reads a row.
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        L::load(&self.numbers[row * self.width + self.first..])
+        let at = row * self.width + self.first;
+        if L::SLOPES
+            && let Some(x) = L::read(self.numbers, at)
+        {
+            return x;
+        }
+        L::load(&self.numbers[at..])
     }
 
     /// Sets a row.
     #[inline(always)]
     pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
-        x.store(&mut self.numbers[row * self.width + self.first..]);
+        let at = row * self.width + self.first;
+        if L::SLOPES { x.write(self.numbers, at) } else { x.store(&mut self.numbers[at..]) }
     }
 
     /// Reads K consecutive rows. (Sliced once, so that the compiler needs no further bounds checks.)
     #[inline(always)]
     pub fn get_all<L: Lane<Real = T>, const K: usize>(&self, row: usize) -> [L; K] {
+        if L::SLOPES {
+            let mut out = [L::zero(); K];
+            unroll!(k < K => {
+                out[k] = self.get(row + k);
+            });
+            return out;
+        }
         let from = &self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
         let mut out = MaybeUninit::<[L; K]>::uninit();
         unroll!(k < K => {
@@ -54,6 +68,12 @@ impl<'a, T: Real> Rows<'a, T> {
     /// Sets K consecutive rows.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K]) {
+        if L::SLOPES {
+            unroll!(k < K => {
+                self.set(row + k, x[k]);
+            });
+            return;
+        }
         let to = &mut self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
         unroll!(k < K => {
             x[k].store(&mut to[k * self.width..]);

@@ -7,6 +7,7 @@ mod controllers;
 mod derivatives;
 mod disturbance;
 mod errors;
+mod gradient;
 mod inputs;
 mod inverse_dynamics;
 mod layout;

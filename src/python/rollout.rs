@@ -92,14 +92,16 @@ impl Task {
     /// Runs T control periods of all instances under `actor` with noise (N, T, a) on its unclipped actions, and records
     /// them: observations after h - 1 rows of zeros, h the actor's history, (N, h - 1 + T, d); perfect observations
     /// (N, T + 1, d); actions (N, T, a); rewards, alive and terminated (N, T); with a teacher its actions on perfect
-    /// observations, targets (N, T, a), which are taken in place of the actor's if it acts.
-    #[pyo3(signature = (actor, noise, teacher=None, *, teacher_acts=false))]
+    /// observations, targets (N, T, a), which replace the actor's if it acts; with `frames` states and memories
+    /// (N, T + 1, .).
+    #[pyo3(signature = (actor, noise, teacher=None, *, teacher_acts=false, frames=false))]
     fn record<'py>(
         slf: &Bound<'py, Self>,
         actor: PyRef<'py, Mlp>,
         noise: &Bound<'py, PyArray3<f32>>,
         teacher: Option<PyRef<'py, Controller>>,
         teacher_acts: bool,
+        frames: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let (n, shape) = (this.batch.instances(), noise.shape().to_vec());
@@ -111,9 +113,19 @@ impl Task {
         let teacher = teacher.map(|teacher| teacher.inner.clone());
         let recording = this.advance(py, f64::INFINITY, |batch| {
             let teacher = teacher.as_deref().map(|controller| Teacher { controller, acts: teacher_acts });
-            batch.record(Recorder { actor: &actor, noise: &noise, teacher })
+            let frames = if frames { batch.frame_widths() } else { [0, 0] };
+            batch.record(Recorder { actor: &actor, noise: &noise, teacher, frames })
         })?;
-        let Recording { observations, perfect, actions, rewards, alive, terminated, targets } = recording;
+        let Recording {
+            observations,
+            perfect,
+            actions,
+            rewards,
+            alive,
+            terminated,
+            targets,
+            frames: [states, memories],
+        } = recording;
         let result = PyDict::new(py);
         result.set_item("observations", cube(py, n, shape[1] + actor.network().history - 1, observations)?)?;
         result.set_item("perfect", cube(py, n, shape[1] + 1, perfect)?)?;
@@ -123,6 +135,10 @@ impl Task {
         result.set_item("terminated", matrix(py, terminated, n)?)?;
         if teacher.is_some() {
             result.set_item("targets", cube(py, n, shape[1], targets)?)?;
+        }
+        if frames {
+            result.set_item("states", cube(py, n, shape[1] + 1, states)?)?;
+            result.set_item("memories", cube(py, n, shape[1] + 1, memories)?)?;
         }
         Ok(result)
     }

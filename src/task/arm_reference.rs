@@ -3,13 +3,11 @@
 use std::f64::consts::PI;
 
 use super::bounds::{POSITION_BOUND, bounded_length};
-use super::definition::{TaskDefinition, TaskKernel};
+use super::definition::{ControlInstant, TaskDefinition};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter, joint_entries};
-use super::pose::PoseError;
 use super::reference::JointReferenceRows;
-use super::stage_state::StageState;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::Lane;
 use crate::lie::rotation_angle;
 use crate::system::JOINTS;
 
@@ -24,30 +22,27 @@ pub(super) fn push_blocks(model: &TaskModel, layout: &mut Layout) {
 
 /// Writes the entries of these blocks.
 #[inline(always)]
-pub(super) fn observe<T: Real, L: Lane<Real = T>, K: TaskDefinition>(
-    kernel: &TaskKernel<T, K>,
+pub(super) fn observe<L: Lane, K: TaskDefinition>(
+    at: &ControlInstant<'_, L, K>,
     rows: &JointReferenceRows,
-    memory: &Rows<'_, T>,
-    writer: &mut ObservationWriter<'_, T>,
+    writer: &mut ObservationWriter<'_, L::Real>,
 ) {
     for i in 0..rows.joints {
-        writer.put(memory.get::<L>(rows.next + 2 * i) - L::splat(kernel.home[i]));
+        writer.put(at.memory.get::<L>(rows.next + 2 * i) - L::splat(at.kernel.home[i]));
     }
     for i in 0..rows.joints {
-        writer.put(memory.get::<L>(rows.next + 2 * i + 1));
+        writer.put(at.memory.get::<L>(rows.next + 2 * i + 1));
     }
 }
 
 /// Distance (m) and angle (rad) between the end effector and its pose for a vehicle on target and joints on their
 /// references.
 #[inline(always)]
-pub(super) fn end_effector_error<T: Real, L: Lane<Real = T>, K: TaskDefinition>(
-    kernel: &TaskKernel<T, K>,
+pub(super) fn end_effector_error<L: Lane, K: TaskDefinition>(
+    at: &ControlInstant<'_, L, K>,
     rows: &JointReferenceRows,
-    memory: &Rows<'_, T>,
-    state: &StageState<L>,
-    error: &PoseError<L>,
 ) -> [L; 2] {
+    let ControlInstant { kernel, memory, state, error } = at;
     let mut reference = [L::zero(); JOINTS];
     for i in 0..rows.joints {
         reference[i] = memory.get(rows.now + 2 * i);

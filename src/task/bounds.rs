@@ -1,7 +1,6 @@
 //! Bounds of the state; an episode that leaves them has diverged.
 
-use super::pose::Pose;
-use super::stage_state::StageState;
+use super::pose::{Pose, StageState};
 use crate::lane::Lane;
 use crate::lie::Vector3;
 use crate::system::State;

@@ -12,10 +12,9 @@ use super::metrics::{METRICS, Metrics, OWN_METRICS};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
 use super::options::Options;
-use super::pose::{Pose, PoseError};
+use super::pose::{Pose, PoseError, StageState};
 use super::random::Stream;
 use super::reward::{COARSE, RewardKernel};
-use super::stage_state::StageState;
 use crate::control::{ActionKind, Actuation};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, Shared};
@@ -45,7 +44,7 @@ pub enum BaseController {
 /// A task: its options, memory, observation, references and metrics. The implementing type holds the task's own options.
 ///
 /// The kernel ([`TaskKernel`]) is compiled once per task and precision. Methods over lanes must be `#[inline(always)]` and
-/// free of closures, which would not inherit the instruction set; their results must depend on the instance's own rows alone
+/// free of closures, which would not inherit the instruction set; their results must depend on the instance's own rows only
 /// and be finite for every state in bounds.
 pub trait TaskDefinition:
     Clone + Debug + PartialEq + Default + Serialize + DeserializeOwned + Send + Sync + 'static
@@ -69,13 +68,16 @@ pub trait TaskDefinition:
     const BASE: BaseController = BaseController::Pd;
     /// Pose error at which the linear part of the reward's pose term is 1, m.
     const REWARD_SCALE: f64 = COARSE;
+    /// Number of leading measured quantities that the task's own observation blocks depend on: gradients differentiate the blocks
+    /// along each. Errors of position and attitude, twist, joint coordinates, joint rates, direction against gravity.
+    const MEASURED_INPUTS: usize = MEASURED;
     /// Names of the task's own metrics, at most [`OWN_METRICS`].
     const METRICS: &'static [&'static str] = &[];
 
     /// The task's numbers in the precision of the lanes.
     type Kernel<T: Real>: Clone + Debug + PartialEq + Send + Sync;
 
-    /// Default options; where they differ from those of all tasks, the task overrides this.
+    /// Default options; where they differ from the shared ones, the task overrides this.
     fn defaults() -> Options<Self> {
         Options::default()
     }
@@ -90,7 +92,7 @@ pub trait TaskDefinition:
     fn layout(options: &Options<Self>, model: &TaskModel, layout: &mut Layout);
 
     /// Allocates the task's rows of an episode's memory.
-    fn rows(model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
+    fn rows(options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
 
     /// The task's numbers in the precision of the lanes.
     fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> Self::Kernel<T>;
@@ -108,89 +110,79 @@ pub trait TaskDefinition:
     fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>);
 
     /// Sets the target and the references of the first control instant, at the start of an episode.
-    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>);
+    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>);
 
     /// Moves the target and the references to the next control instant.
-    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>);
+    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>);
 
     /// Servo targets of the joints over the coming control period: cubic coefficients. Unused where the action drives the
     /// joints.
     #[inline(always)]
-    fn joint_targets<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
+    fn joint_targets<L: Lane>(
+        _kernel: &TaskKernel<L::Real, Self>,
+        _memory: &Rows<'_, L::Real>,
         _joints: &mut [[L; 4]; JOINTS],
     ) {
     }
 
     /// Measured twist in body axes: the absolute one by default.
     #[inline(always)]
-    fn twist<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
-        state: &StageState<L>,
-    ) -> lie::Vector6<L> {
-        state.twist
+    fn twist<L: Lane>(at: &ControlInstant<'_, L, Self>) -> lie::Vector6<L> {
+        at.state.twist
     }
 
     /// Writes the entries of the blocks of [`Self::layout`]. `measured` is the sensors' reading.
-    fn observe<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
+    fn observe<L: Lane>(
+        at: &ControlInstant<'_, L, Self>,
         measured: &[L; MEASURED],
-        writer: &mut ObservationWriter<'_, T>,
+        writer: &mut ObservationWriter<'_, L::Real>,
     );
 
     /// Instances whose position is within its bound, with the task's own conditions.
-    fn in_bounds<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> L::Mask;
+    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask;
 
-    /// Distance (m) and angle (rad) between the end effector and its target; `bounded` are those of the task's frame.
-    fn end_effector_error<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        bounded: [L; 2],
-    ) -> [L; 2];
+    /// Distance (m) and angle (rad) between the end effector and its target; `bounded` are the errors of the task's frame.
+    fn end_effector_error<L: Lane>(at: &ControlInstant<'_, L, Self>, bounded: [L; 2]) -> [L; 2];
 
-    /// Updates the task's own memory for a control instant and returns its own reward term; `metrics` are those of the
+    /// Updates the rows [`TaskRows::updated`] for a control instant and returns its own reward term; `metrics` belong to the
     /// instant. Not called for tasks without own metrics.
     #[inline(always)]
-    fn update<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &mut Rows<'_, T>,
-        _state: &StageState<L>,
-        _metrics: &Metrics<L>,
-    ) -> L {
+    fn update<L: Lane>(_at: &mut ControlInstant<'_, L, Self>, _metrics: &Metrics<L>) -> L {
         L::zero()
     }
 
     /// The task's own metrics from its memory, in the order of [`Self::METRICS`]; it may replace the shared `success`. Not
     /// called for tasks without own metrics.
     #[inline(always)]
-    fn own_metrics<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
-        _metrics: &mut Metrics<L>,
-    ) -> [L; OWN_METRICS] {
+    fn own_metrics<L: Lane>(_at: &ControlInstant<'_, L, Self>, _metrics: &mut Metrics<L>) -> [L; OWN_METRICS] {
         [L::zero(); OWN_METRICS]
     }
 
     /// Instances whose episode continues, among those in bounds: all by default.
     #[inline(always)]
-    fn continues<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _metrics: &Metrics<L>,
-        in_bounds: L::Mask,
-    ) -> L::Mask {
+    fn continues<L: Lane>(_kernel: &TaskKernel<L::Real, Self>, _metrics: &Metrics<L>, in_bounds: L::Mask) -> L::Mask {
         in_bounds
+    }
+}
+
+/// A group of instances at a control instant, as the methods of a task read it.
+pub struct ControlInstant<'a, L: Lane, K: TaskDefinition> {
+    /// Numbers of the task.
+    pub kernel: &'a TaskKernel<L::Real, K>,
+    /// Memory of the episodes.
+    pub memory: Rows<'a, L::Real>,
+    /// State of the instances.
+    pub state: &'a StageState<L>,
+    /// Error of the task's frame from its target.
+    pub error: PoseError<L>,
+}
+
+impl<'a, L: Lane, K: TaskDefinition> ControlInstant<'a, L, K> {
+    /// Instances in this state, whose targets are in their memory.
+    #[inline(always)]
+    pub fn new(kernel: &'a TaskKernel<L::Real, K>, memory: Rows<'a, L::Real>, state: &'a StageState<L>) -> Self {
+        let error = PoseError::of(&kernel.frame(state), &kernel.rows.target(&memory));
+        Self { kernel, memory, state, error }
     }
 }
 
@@ -234,7 +226,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         const { assert!(K::METRICS.len() <= OWN_METRICS) };
         let (period, number) = (options.control_period(), T::from_f64);
         let (keep, actions) = ((-LEAK * period).exp(), model.actions.len());
-        let rows = EpisodeRows::new(model, |rows| K::rows(model, rows));
+        let rows = EpisodeRows::new(model, |rows| K::rows(options, model, rows));
         Self {
             disturbance: rows.disturbance.map(|rows| DisturbanceKernel::new(rows, &model.context)),
             actuation: Actuation::new(&model.actions),
@@ -270,7 +262,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         self.scaling.len()
     }
 
-    /// Names of the metrics: those of all tasks, then the task's own.
+    /// Names of the metrics: the shared ones, then the task's own.
     pub fn metric_names() -> Vec<&'static str> {
         Metrics::NAMES.iter().chain(K::METRICS).copied().collect()
     }

@@ -7,18 +7,17 @@ use serde::{Deserialize, Serialize};
 
 use super::arm_reference;
 use super::bounds::{POSITION_BOUND, SPEED_BOUND, bounded_length, shorter};
-use super::definition::{BaseController, EpisodeStart, TaskDefinition, TaskKernel};
+use super::definition::{BaseController, ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
 use super::disturbance::{MEASURED, WaveOrbit};
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{Metrics, OWN_METRICS};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
 use super::options::{Options, Tolerance, check_non_negative, check_range};
-use super::pose::{Pose, PoseError};
+use super::pose::Pose;
 use super::random::Stream;
 use super::reference::JointReferenceRows;
 use super::reward::RewardWeights;
-use super::stage_state::StageState;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{self, Matrix3, Vector3, Vector6, exp_se3};
@@ -47,9 +46,9 @@ pub struct Dock {
     pub arm: DockArm,
     /// Maximum amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
     pub arm_amplitude: f64,
-    /// Horizontal motion of the dock relative to that of the water at its place.
+    /// Horizontal motion of the dock relative to the water's motion at its place.
     pub dock_sway: f64,
-    /// Vertical motion of the dock relative to that of the water at its place.
+    /// Vertical motion of the dock relative to the water's motion at its place.
     pub dock_heave: f64,
     /// Tilt of the dock relative to the wave slope at its place.
     pub dock_tilt: f64,
@@ -122,7 +121,7 @@ pub struct DockKernel<T> {
     heave: T,
     tilt: T,
     hold_speed: T,
-    /// Hold time less half a control period, s.
+    /// Hold time minus half a control period, s.
     hold_time: T,
     capture_distance: T,
     docked_reward: T,
@@ -139,6 +138,7 @@ impl TaskDefinition for Dock {
         ("relative_velocity", "velocity of the vehicle origin less that of the dock, body axes"),
         ("relative_angular_velocity", "angular velocity less that of the dock, body axes"),
     ];
+    const MEASURED_INPUTS: usize = 0;
     const REWARD_SCALE: f64 = 2.0;
     const METRICS: &'static [&'static str] = &DockMetrics::NAMES;
 
@@ -184,10 +184,10 @@ impl TaskDefinition for Dock {
         arm_reference::push_blocks(model, layout);
     }
 
-    fn rows(model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+    fn rows(_options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let own = rows.take(ROWS);
         let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
-        TaskRows { joints: Some(joints), own, ..TaskRows::default() }
+        TaskRows { joints: Some(joints), own, updated: [own + HOLD, ROWS - HOLD], ..TaskRows::default() }
     }
 
     fn kernel<T: Real>(options: &Options<Self>, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
@@ -231,84 +231,61 @@ impl TaskDefinition for Dock {
     }
 
     #[inline(always)]
-    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
         kernel.task.joints.begin(memory, L::splat(kernel.frequency));
-        set_target::<T, L>(kernel, memory);
+        set_target::<L>(kernel, memory);
     }
 
     #[inline(always)]
-    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
         kernel.task.joints.advance(memory, L::splat(kernel.frequency));
-        set_target::<T, L>(kernel, memory);
+        set_target::<L>(kernel, memory);
     }
 
     #[inline(always)]
-    fn joint_targets<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
+    fn joint_targets<L: Lane>(
+        kernel: &TaskKernel<L::Real, Self>,
+        memory: &Rows<'_, L::Real>,
         joints: &mut [[L; 4]; JOINTS],
     ) {
         kernel.task.joints.targets(memory, L::splat(kernel.frequency), joints);
     }
 
     #[inline(always)]
-    fn twist<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-    ) -> Vector6<L> {
-        let [vx, vy, vz, wx, wy, wz]: [L; 6] = memory.get_all(kernel.task.own + MOTION);
-        let rotation = &state.pose.rotation;
+    fn twist<L: Lane>(at: &ControlInstant<'_, L, Self>) -> Vector6<L> {
+        let [vx, vy, vz, wx, wy, wz]: [L; 6] = at.memory.get_all(at.kernel.task.own + MOTION);
+        let rotation = &at.state.pose.rotation;
         Vector6 {
-            linear: state.twist.linear - rotation.apply_transposed(Vector3([vx, vy, vz])),
-            angular: state.twist.angular - rotation.apply_transposed(Vector3([wx, wy, wz])),
+            linear: at.state.twist.linear - rotation.apply_transposed(Vector3([vx, vy, vz])),
+            angular: at.state.twist.angular - rotation.apply_transposed(Vector3([wx, wy, wz])),
         }
     }
 
     #[inline(always)]
-    fn observe<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        _state: &StageState<L>,
-        _error: &PoseError<L>,
+    fn observe<L: Lane>(
+        at: &ControlInstant<'_, L, Self>,
         _measured: &[L; MEASURED],
-        writer: &mut ObservationWriter<'_, T>,
+        writer: &mut ObservationWriter<'_, L::Real>,
     ) {
-        arm_reference::observe::<T, L, Self>(kernel, &kernel.task.joints, memory, writer);
+        arm_reference::observe(at, &at.kernel.task.joints, writer);
     }
 
     #[inline(always)]
-    fn in_bounds<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
-        _state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> L::Mask {
-        shorter(error.position, POSITION_BOUND)
+    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask {
+        shorter(at.error.position, POSITION_BOUND)
     }
 
     #[inline(always)]
-    fn end_effector_error<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        _bounded: [L; 2],
-    ) -> [L; 2] {
-        arm_reference::end_effector_error(kernel, &kernel.task.joints, memory, state, error)
+    fn end_effector_error<L: Lane>(at: &ControlInstant<'_, L, Self>, _bounded: [L; 2]) -> [L; 2] {
+        arm_reference::end_effector_error(at, &at.kernel.task.joints)
     }
 
     #[inline(always)]
-    fn update<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &mut Rows<'_, T>,
-        state: &StageState<L>,
-        metrics: &Metrics<L>,
-    ) -> L {
-        let (task, zero, one, half) = (&kernel.task, L::zero(), L::c(1.0), L::c(0.5));
-        let (period, own) = (L::splat(kernel.period), task.own);
-        let speed = bounded_length(Self::twist(kernel, memory, state).linear, SPEED_BOUND);
-        let [hold, _, success, time, captured, approach]: [L; 6] = memory.get_all(own + HOLD);
+    fn update<L: Lane>(at: &mut ControlInstant<'_, L, Self>, metrics: &Metrics<L>) -> L {
+        let (task, zero, one, half) = (&at.kernel.task, L::zero(), L::c(1.0), L::c(0.5));
+        let (period, own) = (L::splat(at.kernel.period), task.own);
+        let speed = bounded_length(Self::twist(at).linear, SPEED_BOUND);
+        let [hold, _, success, time, captured, approach]: [L; 6] = at.memory.get_all(own + HOLD);
 
         let holds = L::and(half.lt(metrics.success), speed.lt(L::splat(task.hold_speed)));
         let hold = L::select(holds, hold + period, zero);
@@ -325,17 +302,13 @@ impl TaskDefinition for Dock {
         let closeness = one / distance.mul_add(distance, one);
         let fast = speed / (speed + L::splat(task.hold_speed) + L::c(MIN_SPEED));
         let reward = docked * L::splat(task.docked_reward) - closeness * fast * L::splat(task.speed_weight);
-        memory.set_all(own + HOLD, &[hold, docked, success, time, captured, approach, reward]);
+        at.memory.set_all(own + HOLD, &[hold, docked, success, time, captured, approach, reward]);
         reward
     }
 
     #[inline(always)]
-    fn own_metrics<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        metrics: &mut Metrics<L>,
-    ) -> [L; OWN_METRICS] {
-        let own = kernel.task.own;
+    fn own_metrics<L: Lane>(at: &ControlInstant<'_, L, Self>, metrics: &mut Metrics<L>) -> [L; OWN_METRICS] {
+        let (memory, own) = (&at.memory, at.kernel.task.own);
         metrics.success = memory.get(own + SUCCESS);
         let mut dock = DockMetrics::<L>::zero();
         dock.docked = memory.get(own + DOCKED);
@@ -346,11 +319,7 @@ impl TaskDefinition for Dock {
     }
 
     #[inline(always)]
-    fn continues<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        metrics: &Metrics<L>,
-        in_bounds: L::Mask,
-    ) -> L::Mask {
+    fn continues<L: Lane>(kernel: &TaskKernel<L::Real, Self>, metrics: &Metrics<L>, in_bounds: L::Mask) -> L::Mask {
         if kernel.task.terminate_on_success { L::and(in_bounds, metrics.success.lt(L::c(0.5))) } else { in_bounds }
     }
 }
@@ -360,9 +329,9 @@ const NEAR: f64 = 0.5;
 /// Keeps the reward's speed term finite without a hold speed, m/s.
 const MIN_SPEED: f64 = 1e-3;
 
-/// Sets the target and its twist to the dock's: its pose in still water, moved and tilted by the waves.
+/// Sets the target and its twist to the dock's: its pose in still water, displaced and tilted by the waves.
 #[inline(always)]
-fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Dock>, memory: &mut Rows<'_, T>) {
+fn set_target<L: Lane>(kernel: &TaskKernel<L::Real, Dock>, memory: &mut Rows<'_, L::Real>) {
     let task = &kernel.task;
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z]: [L; 12] = memory.get_all(task.own + REST);
     let (rest, place) = (Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]), Vector3([x, y, z]));
@@ -371,12 +340,14 @@ fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Dock>, memory: 
         None => WaveOrbit::zero(),
     };
     let up = Vector3([L::splat(kernel.up[0]), L::splat(kernel.up[1]), L::splat(kernel.up[2])]);
-    let velocity = moved(task, orbit.velocity, up);
+    let velocity = followed_motion(task, orbit.velocity, up);
     let tilt = L::splat(task.tilt);
     // The left Jacobian of the rotation vector turns its rate into an angular velocity, as it does in the exponential.
     let turn = exp_se3(Vector6 { linear: orbit.slope_rate.scale(tilt), angular: orbit.slope.scale(tilt) });
-    let target =
-        lie::Pose { rotation: turn.rotation.times(&rest), position: place + moved(task, orbit.displacement, up) };
+    let target = lie::Pose {
+        rotation: turn.rotation.times(&rest),
+        position: place + followed_motion(task, orbit.displacement, up),
+    };
     kernel.rows.set_target(memory, &target);
     memory.set_all(task.own + MOTION, &velocity.0);
     memory.set_all(task.own + MOTION + 3, &turn.position.0);
@@ -384,7 +355,7 @@ fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Dock>, memory: 
 
 /// Motion of the dock for one of the water: its horizontal and vertical parts by their factors.
 #[inline(always)]
-fn moved<T: Real, L: Lane<Real = T>>(task: &DockKernel<T>, water: Vector3<L>, up: Vector3<L>) -> Vector3<L> {
+fn followed_motion<L: Lane>(task: &DockKernel<L::Real>, water: Vector3<L>, up: Vector3<L>) -> Vector3<L> {
     let vertical = up.scale(water.dot(up));
     (water - vertical).scale(L::splat(task.sway)) + vertical.scale(L::splat(task.heave))
 }

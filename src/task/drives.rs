@@ -10,7 +10,7 @@ use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
 
 /// Accelerations of a joint under an action of 1, rad/s^2 (times [`PRISMATIC_PER_RADIAN`] in m/s^2): with the other joints
-/// and the vehicle free, and with all else held.
+/// and the vehicle free, and with all else fixed.
 const ACCELERATION: [f64; 2] = [10.0, 2.0];
 /// Number of poses at which the arm's weight and inertia are evaluated.
 const POSES: u32 = 64;
@@ -29,7 +29,7 @@ pub struct JointDrives {
 }
 
 impl JointDrives {
-    /// Drives of a scene's joints; `limits` are those of the thrusters' wrench.
+    /// Drives of a scene's joints; `limits` belong to the thrusters' wrench.
     pub(super) fn new(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<Self, TaskError> {
         Ok(Self { torques: max_torques(scene, up)?, tilt: max_tilt(scene, up, limits)? })
     }
@@ -48,12 +48,12 @@ pub(super) fn with_drives(scene: &Scene) -> Scene {
     scene
 }
 
-/// Torque of an action of 1 at each joint, N m or N: the joint's effort or, where that is less, twice the holding torque of
+/// Torque of an action of 1 at each joint, N m or N: the joint's effort or, if smaller, twice the holding torque of
 /// the arm in any pose, plus friction at 1 rad/s and the [`ACCELERATION`]s. A light joint then does not diverge within a
 /// control period.
 fn max_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
     let (balance, joints) = (model(scene)?, scene.joints().collect::<Vec<_>>());
-    let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
+    let draw = Stream::new(EpisodeKey::default(), Purpose::START);
     let mut holding = vec![0.0f64; joints.len()];
     let mut mobility = vec![0.0f64; joints.len()];
     let mut inertia = vec![0.0f64; joints.len()];
@@ -80,8 +80,8 @@ fn max_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> 
             JointKind::Prismatic => PRISMATIC_PER_RADIAN,
         };
         let friction = joint.friction.viscous * unit + joint.friction.coulomb;
-        let [free, held] = ACCELERATION.map(|acceleration| acceleration * unit);
-        let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(held * inertia[k]);
+        let [free, fixed] = ACCELERATION.map(|acceleration| acceleration * unit);
+        let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(fixed * inertia[k]);
         joint.effort.map_or(enough, |effort| effort.min(enough))
     };
     Ok(joints.iter().enumerate().map(torque).collect())

@@ -5,22 +5,18 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use super::bounds::{POSITION_BOUND, shorter};
-use super::definition::{BaseController, EpisodeStart, Frame, TaskDefinition, TaskKernel};
+use super::definition::{BaseController, ControlInstant, EpisodeStart, Frame, TaskDefinition, TaskKernel};
 use super::disturbance::MEASURED;
-use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows};
+use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows, pose, set_pose};
 use super::model::TaskModel;
-use super::observation::{ERROR_SCALE, Layout, ObservationWriter, TWIST, joint_bounds, six};
+use super::observation::{ERROR_SCALE, Layout, ObservationWriter, PREVIEW, TWIST, joint_bounds, six};
 use super::options::{Options, check_range};
 use super::path::{PATH, PathKind, PathRange, draw_path, path_advance, path_point};
 use super::pose::PoseError;
 use super::reward::RewardWeights;
-use super::stage_state::StageState;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::Vector3;
-
-/// Maximum number of preview points.
-pub const PREVIEW: usize = 8;
 
 /// End-effector tracking.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,6 +86,8 @@ impl TaskDefinition for EETrack {
     const DRIVES_JOINTS: bool = true;
     const OBSERVES_UP: bool = true;
     const BASE: BaseController = BaseController::ResolvedMotion;
+    /// Errors against the points ahead include the measurement error of the present pose error.
+    const MEASURED_INPUTS: usize = 6;
 
     type Kernel<T: Real> = EETrackKernel<T>;
 
@@ -123,8 +121,9 @@ impl TaskDefinition for EETrack {
         layout.push("preview", "m and rad", description, &point.repeat(points as usize));
     }
 
-    fn rows(_model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
-        TaskRows { path: Some(PathRows::new(rows)), ..TaskRows::default() }
+    fn rows(options: &Options<Self>, _model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+        let points = options.task.preview.points as usize;
+        TaskRows { path: Some(PathRows::new(rows, points)), ..TaskRows::default() }
     }
 
     fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> EETrackKernel<T> {
@@ -145,25 +144,23 @@ impl TaskDefinition for EETrack {
     }
 
     #[inline(always)]
-    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
-        set_target::<T, L>(kernel, memory);
+    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
+        set_target::<L>(kernel, memory);
     }
 
     #[inline(always)]
-    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
-        path_advance::<T, L>(memory, kernel.task.rows.path);
-        set_target::<T, L>(kernel, memory);
+    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
+        path_advance::<L>(memory, kernel.task.rows.path);
+        set_target::<L>(kernel, memory);
     }
 
     #[inline(always)]
-    fn observe<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
+    fn observe<L: Lane>(
+        at: &ControlInstant<'_, L, Self>,
         measured: &[L; MEASURED],
-        writer: &mut ObservationWriter<'_, T>,
+        writer: &mut ObservationWriter<'_, L::Real>,
     ) {
+        let ControlInstant { kernel, memory, state, error } = at;
         let EETrackKernel { rows, preview, .. } = &kernel.task;
         let frame = kernel.frame(state);
         for part in [rows.motion, rows.motion + 3] {
@@ -173,50 +170,43 @@ impl TaskDefinition for EETrack {
         let shift = Vector3([measured[0], measured[1], measured[2]]) - error.position;
         let turn = Vector3([measured[3], measured[4], measured[5]]) - error.rotation;
         let has_sensors = kernel.sensors().is_some();
-        let (points, apart) = *preview;
-        for k in 0..points {
-            let ahead = L::c((k + 1) as f64) * L::splat(apart);
-            let point = path_point::<T, L>(memory, rows.path, ahead, L::splat(kernel.frequency));
-            let ahead = PoseError::of(&frame, &point.pose);
+        for k in 0..preview.0 {
+            let ahead = PoseError::of(&frame, &pose(memory, rows.ahead + 12 * k));
             writer.put_vector(if has_sensors { ahead.position + shift } else { ahead.position });
             writer.put_vector(if has_sensors { ahead.rotation + turn } else { ahead.rotation });
         }
     }
 
     #[inline(always)]
-    fn in_bounds<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> L::Mask {
+    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask {
+        let ControlInstant { kernel, state, error, .. } = at;
         let mut mask = shorter(error.position, POSITION_BOUND);
         // Driven joints have no servo to bring them back.
         for i in 0..kernel.rows.joints {
-            let apart = (state.q[i] - L::splat(kernel.home[i])).abs();
-            mask = L::and(mask, apart.lt(L::splat(kernel.task.travel[i])));
+            let distance = (state.q[i] - L::splat(kernel.home[i])).abs();
+            mask = L::and(mask, distance.lt(L::splat(kernel.task.travel[i])));
         }
         mask
     }
 
     #[inline(always)]
-    fn end_effector_error<T: Real, L: Lane<Real = T>>(
-        _kernel: &TaskKernel<T, Self>,
-        _memory: &Rows<'_, T>,
-        _state: &StageState<L>,
-        _error: &PoseError<L>,
-        bounded: [L; 2],
-    ) -> [L; 2] {
+    fn end_effector_error<L: Lane>(_at: &ControlInstant<'_, L, Self>, bounded: [L; 2]) -> [L; 2] {
         bounded
     }
 }
 
-/// Sets the target and its velocities to the path's current point.
+/// Sets the target and its velocities to the path's current point, and the poses ahead.
 #[inline(always)]
-fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, EETrack>, memory: &mut Rows<'_, T>) {
-    let rows = &kernel.task.rows;
-    let point = path_point::<T, L>(memory, rows.path, L::zero(), L::splat(kernel.frequency));
+fn set_target<L: Lane>(kernel: &TaskKernel<L::Real, EETrack>, memory: &mut Rows<'_, L::Real>) {
+    let EETrackKernel { rows, preview: (points, spacing), .. } = &kernel.task;
+    let frequency = L::splat(kernel.frequency);
+    let point = path_point::<L>(memory, rows.path, L::zero(), frequency);
     kernel.rows.set_target(memory, &point.pose);
     memory.set_all(rows.motion, &point.velocity.0);
     memory.set_all(rows.motion + 3, &point.turning.0);
+    for k in 0..*points {
+        let ahead = L::c((k + 1) as f64) * L::splat(*spacing);
+        let point = path_point::<L>(memory, rows.path, ahead, frequency);
+        set_pose(memory, rows.ahead + 12 * k, &point.pose);
+    }
 }

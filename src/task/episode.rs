@@ -9,7 +9,7 @@ use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReferenceRows, ReferencePoint};
 use crate::error::TaskError;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Rows};
 use crate::lie;
 
 /// Allocates rows one after the other.
@@ -31,16 +31,18 @@ pub struct PathRows {
     pub motion: usize,
     /// The path, [`PATH`].
     pub path: usize,
+    /// Poses of the path ahead: rotation by rows (9) and position (3) each.
+    pub ahead: usize,
 }
 
 impl PathRows {
-    /// Allocates them.
-    pub fn new(rows: &mut RowAllocator) -> Self {
-        Self { motion: rows.take(6), path: rows.take(PATH) }
+    /// Allocates them, with this number of poses ahead.
+    pub fn new(rows: &mut RowAllocator, points: usize) -> Self {
+        Self { motion: rows.take(6), path: rows.take(PATH), ahead: rows.take(12 * points) }
     }
 }
 
-/// Rows that a task adds to those of all tasks.
+/// Rows that a task adds to the shared ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TaskRows {
     /// References of joints that follow one.
@@ -49,6 +51,8 @@ pub struct TaskRows {
     pub path: Option<PathRows>,
     /// First of the task's own rows.
     pub own: usize,
+    /// First row and number of rows that [`super::TaskDefinition::update`] changes.
+    pub updated: [usize; 2],
 }
 
 /// Rows of an episode's numbers in a table with a column per instance: first row of each quantity.
@@ -107,6 +111,11 @@ impl EpisodeRows {
         Self { disturbance, rows: disturbance.map_or(this.rows, |rows| rows.end), ..this }
     }
 
+    /// Rows of a recorded memory, from which a control period can be differentiated: all but scripts and sensors.
+    pub fn recorded(&self) -> usize {
+        self.disturbance.map_or(self.rows, |rows| rows.recorded)
+    }
+
     /// First of the rows that an action needs, up to [`Self::integral`].
     #[inline]
     pub fn first_for_action(&self) -> usize {
@@ -114,21 +123,28 @@ impl EpisodeRows {
     }
 
     #[inline(always)]
-    pub(super) fn target<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> lie::Pose<L> {
-        let rotation: [L; 9] = memory.get_all(self.target);
-        let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = rotation;
-        lie::Pose {
-            rotation: lie::Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]),
-            position: lie::Vector3(memory.get_all(self.target + 9)),
-        }
+    pub(super) fn target<L: Lane>(&self, memory: &Rows<'_, L::Real>) -> lie::Pose<L> {
+        pose(memory, self.target)
     }
 
     #[inline(always)]
-    pub(super) fn set_target<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, target: &lie::Pose<L>) {
-        let [x, y, z] = target.rotation.0;
-        memory.set_all(self.target, &[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]]);
-        memory.set_all(self.target + 9, &target.position.0);
+    pub(super) fn set_target<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, target: &lie::Pose<L>) {
+        set_pose(memory, self.target, target);
     }
+}
+
+/// Pose in rows from `row` on: rotation by rows (9) and position (3).
+#[inline(always)]
+pub(super) fn pose<L: Lane>(memory: &Rows<'_, L::Real>, row: usize) -> lie::Pose<L> {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z] = memory.get_all(row);
+    lie::Pose { rotation: lie::Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]), position: lie::Vector3([x, y, z]) }
+}
+
+/// Sets the pose in rows from `row` on.
+#[inline(always)]
+pub(super) fn set_pose<L: Lane>(memory: &mut Rows<'_, L::Real>, row: usize, pose: &lie::Pose<L>) {
+    let ([x, y, z], position) = (pose.rotation.0, pose.position.0);
+    memory.set_all(row, &[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], position[0], position[1], position[2]]);
 }
 
 /// One episode of one instance, outside of any batch.
@@ -222,7 +238,7 @@ impl Episode {
     /// The episode of [`Episode::to_numbers`].
     ///
     /// # Errors
-    /// `TaskError::Saved` for a wrong number of numbers, one that is not finite, or a count that is not whole.
+    /// `TaskError::Saved` for a wrong number of numbers, one that is not finite, or a count that is not an integer.
     pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<Self, TaskError> {
         const HEAD: usize = 5;
         let expected = HEAD + rows.rows;
@@ -233,12 +249,13 @@ impl Episode {
             return Err(TaskError::Saved(format!("number {i} is {x}")));
         }
         let (head, rest) = numbers.split_at(HEAD);
-        let whole = |x: f64| {
+        let integer = |x: f64| {
             let n = x as u32;
             if f64::from(n) == x { Ok(n) } else { Err(TaskError::Saved(format!("{x} is not a count"))) }
         };
-        let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(head[k])?) | u64::from(whole(head[k + 1])?) << 32);
+        let join =
+            |k: usize| Ok::<u64, TaskError>(u64::from(integer(head[k])?) | u64::from(integer(head[k + 1])?) << 32);
         let key = EpisodeKey { seed: join(0)?, episode: join(2)? };
-        Ok(Self { key, step: whole(head[4])?, rows, numbers: rest.to_vec() })
+        Ok(Self { key, step: integer(head[4])?, rows, numbers: rest.to_vec() })
     }
 }

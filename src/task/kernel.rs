@@ -3,13 +3,11 @@
 use std::f64::consts::PI;
 
 use super::bounds::{POSITION_BOUND, bounded_length, in_bounds};
-use super::definition::{TaskDefinition, TaskKernel};
-use super::disturbance::Forcing;
+use super::definition::{ControlInstant, TaskDefinition, TaskKernel};
+use super::disturbance::{Forcing, MEASURED};
 use super::episode::EpisodeRows;
 use super::metrics::{Evaluation, Metrics, OWN_METRICS};
-use super::pose::PoseError;
 use super::reward::{RewardKernel, squared_pose_error};
-use super::stage_state::StageState;
 use crate::control::{ACTIONS, Actuated};
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
@@ -36,7 +34,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// Sets the target and the references of the first control instant, at an episode's start.
     #[inline(always)]
     pub fn begin<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
-        K::begin::<T, L>(self, memory);
+        K::begin::<L>(self, memory);
     }
 
     /// Applies an action over the coming control period. Entries beyond [-1, 1] are clipped, NaN counts as 0. With residual
@@ -52,7 +50,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         let rows = &self.rows;
         let mut change = L::zero();
         for k in 0..rows.actions {
-            // Two clips that differ for NaN alone: one makes it 1, the other -1.
+            // Clips to [-1, 1]. NaN becomes 0: the two orders of the clips give 1 and -1.
             let (a, one) = (action[k], L::c(1.0));
             action[k] = (a.min(one).max(-one) + a.max(-one).min(one)) * L::c(0.5);
             let by = action[k] - memory.get(rows.action + k);
@@ -75,7 +73,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// Moves the target and the references to the next control instant.
     #[inline(always)]
     pub fn advance<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
-        K::advance::<T, L>(self, memory);
+        K::advance::<L>(self, memory);
     }
 
     /// Scales ideal thrusters' thrusts by their remaining gains.
@@ -83,66 +81,55 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     pub fn scale_thrusts<L: Lane<Real = T>>(&self, forcing: &Forcing<L>, actuated: &mut Actuated<L>) {
         self.actuation.scale_thrusts(actuated, &forcing.gains);
     }
+}
 
-    /// Error of the task's frame.
-    #[inline(always)]
-    pub fn error<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, state: &StageState<L>) -> PoseError<L> {
-        let target = self.rows.target(memory);
-        PoseError::of(&self.frame(state), &target)
-    }
-
-    /// Evaluates the state at a control instant, after [`Self::advance`]: metrics, reward and end of the episode. `share` is
-    /// one over the number of completed control periods, this one included.
+impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
+    /// Evaluates the state after [`TaskKernel::advance`]: metrics, reward and end of the episode. `share` is one over the number
+    /// of completed control periods, this one included.
     ///
     /// Errors beyond the bounds or not finite count as the bounds, so that all results are finite.
     #[inline(always)]
-    pub fn evaluate<L: Lane<Real = T>>(
-        &self,
-        memory: &mut Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        share: L,
-    ) -> Evaluation<L> {
-        let rows = &self.rows;
-        let in_bounds = self.in_bounds(memory, state, error);
-        self.measure(memory, state, error, in_bounds);
-        let ([keep, gain], measured) = (self.leak, self.measured(memory, state, error));
-        for k in 0..6 {
-            let old: L = memory.get(rows.integral + k);
-            let new = measured[k].mul_add(L::splat(gain), old * L::splat(keep));
-            memory.set(rows.integral + k, L::select(in_bounds, new, old));
-        }
+    pub fn evaluate(&mut self, share: L) -> Evaluation<L> {
+        let (rows, zero) = (&self.kernel.rows, L::zero());
+        let in_bounds = self.in_bounds();
+        self.measure(in_bounds);
+        self.integrate_error(&self.measured(), in_bounds);
 
-        let zero = L::zero();
-        let mut metrics = self.instant_metrics(memory, state, error);
+        let mut metrics = self.instant_metrics();
         let (mut own, mut own_reward) = ([zero; OWN_METRICS], zero);
         if !K::METRICS.is_empty() {
-            own_reward = K::update(self, memory, state, &metrics);
-            own = K::own_metrics(self, memory, &mut metrics);
+            own_reward = K::update(self, &metrics);
+            own = K::own_metrics(self, &mut metrics);
         }
         let mut reward = zero;
-        let (weights, period) = (&self.reward, self.period);
-        let metrics_so_far = (&mut metrics, &mut reward);
-        L::call(&mut Assessment { rows, weights, period, memory, share, in_bounds, results: metrics_so_far });
+        let (weights, period, memory) = (&self.kernel.reward, self.kernel.period, &mut self.memory);
+        let results = (&mut metrics, &mut reward);
+        L::call(&mut Assessment { rows, weights, period, memory, share, in_bounds, results });
         if !K::METRICS.is_empty() {
             reward += own_reward;
         }
-        Evaluation { reward, metrics, own, in_bounds, continues: K::continues(self, &metrics, in_bounds) }
+        Evaluation { reward, metrics, own, in_bounds, continues: K::continues(self.kernel, &metrics, in_bounds) }
+    }
+
+    /// Advances the leaky integral of the measured pose error by a control period.
+    #[inline(always)]
+    pub(super) fn integrate_error(&mut self, measured: &[L; MEASURED], in_bounds: L::Mask) {
+        let (row, [keep, gain]) = (self.kernel.rows.integral, self.kernel.leak);
+        for k in 0..6 {
+            let old: L = self.memory.get(row + k);
+            let new = measured[k].mul_add(L::splat(gain), old * L::splat(keep));
+            self.memory.set(row + k, L::select(in_bounds, new, old));
+        }
     }
 
     /// Metrics of episodes at their current control instant, without reward and running means.
     #[inline(always)]
-    pub fn current_metrics<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> Evaluation<L> {
-        let in_bounds = self.in_bounds(memory, state, error);
-        let mut metrics = self.instant_metrics(memory, state, error);
+    pub fn current_metrics(&self) -> Evaluation<L> {
+        let in_bounds = self.in_bounds();
+        let mut metrics = self.instant_metrics();
         let mut own = [L::zero(); OWN_METRICS];
         if !K::METRICS.is_empty() {
-            own = K::own_metrics(self, memory, &mut metrics);
+            own = K::own_metrics(self, &mut metrics);
         }
         metrics.diverged = L::select(in_bounds, L::zero(), L::c(1.0));
         Evaluation { reward: L::zero(), metrics, own, in_bounds, continues: in_bounds }
@@ -150,35 +137,31 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
 
     /// Instances whose state is finite and within the bounds.
     #[inline(always)]
-    fn in_bounds<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> L::Mask {
-        in_bounds(K::in_bounds(self, memory, state, error), state, self.rows.joints)
+    pub(super) fn in_bounds(&self) -> L::Mask {
+        in_bounds(K::in_bounds(self), self.state, self.kernel.rows.joints)
+    }
+
+    /// Distance (m) and angle (rad) between the task's frame and its target, bounded.
+    #[inline(always)]
+    pub(super) fn frame_errors(&self) -> [L; 2] {
+        [bounded_length(self.error.position, POSITION_BOUND), self.error.angle.min(L::c(PI))]
     }
 
     /// Metrics at the current control instant; running means and reward terms are 0.
     #[inline(always)]
-    fn instant_metrics<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> Metrics<L> {
-        let rows = &self.rows;
+    pub(super) fn instant_metrics(&self) -> Metrics<L> {
+        let Self { kernel, memory, .. } = self;
+        let rows = &kernel.rows;
         let mut metrics = Metrics::zero();
-        metrics.position_error = bounded_length(error.position, POSITION_BOUND);
-        metrics.attitude_error = error.angle.min(L::c(PI));
+        [metrics.position_error, metrics.attitude_error] = self.frame_errors();
         metrics.pose_error = squared_pose_error(metrics.position_error, metrics.attitude_error).sqrt();
         let bounded = [metrics.position_error, metrics.attitude_error];
         [metrics.end_effector_position_error, metrics.end_effector_attitude_error] =
-            K::end_effector_error(self, memory, state, error, bounded);
+            K::end_effector_error(self, bounded);
         [metrics.effort, metrics.power, metrics.saturation] = memory.get_all(rows.effort);
-        metrics.action_rate = memory.get::<L>(rows.change) * L::splat(self.per_entry);
+        metrics.action_rate = memory.get::<L>(rows.change) * L::splat(kernel.per_entry);
         [metrics.current_x, metrics.current_y, metrics.current_z] = memory.get_all(rows.current);
-        let [position, attitude] = self.tolerance;
+        let [position, attitude] = kernel.tolerance;
         let reached =
             L::and(metrics.position_error.lt(L::splat(position)), metrics.attitude_error.lt(L::splat(attitude)));
         metrics.success = L::select(reached, L::c(1.0), L::zero());
@@ -190,20 +173,20 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     }
 }
 
-/// Running means, time of recovery and reward: the end of [`TaskKernel::evaluate`], which the kernels of all tasks share.
-struct Assessment<'a, 'b, T: Real, L: Lane> {
+/// Running means, time of recovery and reward: the end of [`ControlInstant::evaluate`], which the kernels of all tasks share.
+struct Assessment<'a, 'b, L: Lane> {
     rows: &'a EpisodeRows,
-    weights: &'a RewardKernel<T>,
+    weights: &'a RewardKernel<L::Real>,
     /// Control period, s.
-    period: T,
-    memory: &'a mut Rows<'b, T>,
+    period: L::Real,
+    memory: &'a mut Rows<'b, L::Real>,
     share: L,
     in_bounds: L::Mask,
     /// Metrics and reward.
     results: (&'a mut Metrics<L>, &'a mut L),
 }
 
-impl<T: Real, L: Lane<Real = T>> Routine<L> for Assessment<'_, '_, T, L> {
+impl<L: Lane> Routine<L> for Assessment<'_, '_, L> {
     const PORTABLE: bool = true;
 
     #[inline(always)]
@@ -227,7 +210,7 @@ impl<T: Real, L: Lane<Real = T>> Routine<L> for Assessment<'_, '_, T, L> {
     }
 }
 
-impl<T: Real, L: Lane<Real = T>> Assessment<'_, '_, T, L> {
+impl<L: Lane> Assessment<'_, '_, L> {
     /// Updates the running means and sets them among the metrics.
     #[inline(always)]
     fn running_means(&mut self) {

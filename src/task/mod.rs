@@ -1,7 +1,7 @@
 //! Tasks: sampling of episodes, references, observations, metrics and rewards.
 //!
 //! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`, `dock`) and is listed in `registry`.
-//! All results are per instance and depend on the task, the seed and the number of the episode alone. The steps at a control
+//! All results are per instance and depend on the task, the seed and the number of the episode only. The steps at a control
 //! instant are written in lanes ([`TaskKernel`]), compiled once per task and precision; episodes are drawn one by one in f64.
 
 mod arm_reference;
@@ -13,6 +13,7 @@ mod dock;
 mod drives;
 mod ee_track;
 mod episode;
+mod gradient;
 mod kernel;
 mod metrics;
 mod model;
@@ -20,7 +21,6 @@ pub mod observation;
 mod observe;
 mod options;
 pub mod path;
-mod payload;
 mod pose;
 mod privileged;
 pub mod random;
@@ -30,22 +30,21 @@ mod reward;
 mod scalar;
 mod scene_draws;
 mod scene_task;
-mod stage_state;
 mod start;
 mod station_keep;
 
 pub use controllers::ControllerKind;
-pub use definition::{BaseController, Frame, TaskDefinition, TaskKernel};
+pub use definition::{BaseController, ControlInstant, Frame, TaskDefinition, TaskKernel};
 pub use dock::{Dock, DockArm};
-pub use ee_track::{EETrack, PREVIEW, Preview};
+pub use ee_track::{EETrack, Preview};
 pub use episode::{Episode, EpisodeRows};
+pub use gradient::{Acted, Evaluated, GradientWidths, TaskGradient};
 pub use kernel::Command;
 pub use metrics::{Evaluation, INFO, METRICS, Metrics, OWN_METRICS, Outcome};
-pub use observation::{Block, Layout};
+pub use observation::{Block, Layout, PREVIEW};
 pub use options::{Options, StartOverride, Tolerance};
 pub use path::{PATH, PathKind, PathPoint, path_advance, path_places, path_point};
-pub use payload::grasp_impulse;
-pub use pose::{Pose, PoseError};
+pub use pose::{Pose, PoseError, StageState};
 pub use privileged::{privileged, privileged_layout};
 pub use random::{EpisodeKey, Purpose, Stream};
 pub use reference::{JointReference, PRISMATIC_PER_RADIAN, ReferencePoint, hermite};
@@ -54,5 +53,4 @@ pub use registry::{TASKS, TaskKind, TaskOptions};
 pub use reward::RewardWeights;
 pub use scene_draws::SceneDraws;
 pub use scene_task::{DEFAULT_HORIZON, Task};
-pub use stage_state::StageState;
 pub use station_keep::StationKeep;

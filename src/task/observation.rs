@@ -4,15 +4,21 @@ use std::f64::consts::PI;
 
 use super::bounds::{POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
 use super::reference::PRISMATIC_PER_RADIAN;
+use crate::control::ACTIONS;
 use crate::description::{Joint, JointKind};
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
+use crate::system::JOINTS;
 
 /// Physical values of 1 in an observation, in metres, radians and seconds.
 pub(super) const ERROR_SCALE: f64 = 0.1;
 pub(super) const TWIST_SCALE: f64 = 0.2;
 pub(super) const JOINT_SCALE: f64 = 0.5;
 pub(super) const INTEGRAL_SCALE: f64 = 0.2;
+/// Maximum number of points of a path ahead.
+pub const PREVIEW: usize = 8;
+/// Maximum number of entries of an observation.
+pub const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 /// Joint coordinates are observed within this angle of home, rad, or within twice the joint's travel.
 const JOINT_BOUND: f64 = 10.0;
 /// Maximum entry of a unit vector: rounding included.
@@ -164,7 +170,7 @@ impl<'a, T: Real> ObservationWriter<'a, T> {
     pub fn put<L: Lane<Real = T>>(&mut self, value: L) {
         let [by, bound] = self.scaling[self.written];
         let bound = L::splat(bound);
-        (value * L::splat(by)).min(bound).max(-bound).store_single(&mut self.entries[self.written * self.lanes..]);
+        (value * L::splat(by)).min(bound).max(-bound).store_single_at(self.entries, self.written * self.lanes);
         self.written += 1;
     }
 }

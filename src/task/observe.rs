@@ -3,20 +3,18 @@
 use std::f64::consts::PI;
 
 use super::bounds::POSITION_BOUND;
-use super::definition::{Frame, LEAK, TaskDefinition, TaskKernel};
+use super::definition::{ControlInstant, Frame, LEAK, TaskDefinition, TaskKernel};
 use super::disturbance::{MEASURED, SensorRows};
 use super::model::TaskModel;
 use super::observation::{INTEGRAL_SCALE, Layout, ObservationWriter, POSE_ERROR, TWIST, UNIT_BOUND, joint_entries};
 use super::options::Options;
-use super::pose::PoseError;
-use super::stage_state::StageState;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
 
 /// Sensor reading of an invalid state; beyond any bound of an observation.
 const INVALID: f64 = 1e6;
 
-/// Layout of an observation of task `K`, in the order of [`TaskKernel::observe`].
+/// Layout of an observation of task `K`, in the order of [`ControlInstant::observe`].
 pub(super) fn layout<K: TaskDefinition>(options: &Options<K>, model: &TaskModel) -> Layout {
     let [coordinates, rates] = joint_entries(&model.joints);
     let [position, attitude] = match K::FRAME {
@@ -44,33 +42,18 @@ pub(super) fn layout<K: TaskDefinition>(options: &Options<K>, model: &TaskModel)
     layout
 }
 
-impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
-    /// Writes the observation at the current control instant, entry by entry, each of all lanes: always finite and within
-    /// [`Layout::bound`].
+impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
+    /// Writes the observation, entry by entry, each of all lanes: always finite and within [`Layout::bound`].
     #[inline(always)]
-    pub fn observe<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        entries: &mut [f32],
-    ) {
-        let measured = self.measured(memory, state, error);
-        self.observe_as(memory, state, error, &measured, entries);
+    pub fn observe(&self, entries: &mut [f32]) {
+        self.observe_as(&self.measured(), entries);
     }
 
-    /// As [`Self::observe`], of given values of the measured quantities.
+    /// As [`Self::observe`], from given values of the measured quantities.
     #[inline(always)]
-    pub fn observe_as<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        measured: &[L; MEASURED],
-        entries: &mut [f32],
-    ) {
-        let (rows, n) = (&self.rows, self.rows.joints);
-        let mut writer = ObservationWriter::new(&self.scaling, entries, L::LANES);
+    pub fn observe_as(&self, measured: &[L; MEASURED], entries: &mut [f32]) {
+        let (rows, memory, n) = (&self.kernel.rows, &self.memory, self.kernel.rows.joints);
+        let mut writer = ObservationWriter::new(&self.kernel.scaling, entries, L::LANES);
         for k in 0..12 {
             writer.put(measured[k]);
         }
@@ -80,12 +63,12 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             }
         }
         for i in 0..n {
-            writer.put(measured[12 + i] - L::splat(self.home[i]));
+            writer.put(measured[12 + i] - L::splat(self.kernel.home[i]));
         }
         for i in 0..n {
             writer.put(measured[12 + n + i]);
         }
-        K::observe(self, memory, state, error, measured, &mut writer);
+        K::observe(self, measured, &mut writer);
         for k in 0..rows.actions {
             writer.put(memory.get::<L>(rows.action + k));
         }
@@ -96,48 +79,34 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
 
     /// Records a measurement of the sensors, if they have noise or delay.
     #[inline(always)]
-    pub(super) fn measure<L: Lane<Real = T>>(
-        &self,
-        memory: &mut Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        in_bounds: L::Mask,
-    ) {
-        if let Some(sensors) = self.sensors() {
-            let mut truth = self.true_values(memory, state, error);
+    pub(super) fn measure(&mut self, in_bounds: L::Mask) {
+        if let Some(sensors) = self.kernel.sensors() {
+            let mut truth = self.true_values();
             // An invalid state never reads like one on target, and the memory stays finite.
             for k in 0..sensors.measured {
                 truth[k] = L::select(in_bounds, truth[k], L::c(INVALID));
             }
-            sensors.measure(memory, &truth);
+            sensors.measure(&mut self.memory, &truth);
         }
     }
 
     /// Reading of the sensors, in the order of [`Self::true_values`]: the true values without noise and delay.
     #[inline(always)]
-    pub fn measured<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> [L; MEASURED] {
-        match self.sensors() {
-            Some(sensors) => sensors.reading(memory),
-            None => self.true_values(memory, state, error),
+    pub fn measured(&self) -> [L; MEASURED] {
+        match self.kernel.sensors() {
+            Some(sensors) => sensors.reading(&self.memory),
+            None => self.true_values(),
         }
     }
 
     /// True values of the measured quantities: errors of position and attitude, twist, joint coordinates, joint rates, and
     /// the direction against gravity in body axes.
     #[inline(always)]
-    pub fn true_values<L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-    ) -> [L; MEASURED] {
-        let (twist, n) = (K::twist(self, memory, state), self.rows.joints);
-        let up = self.up(state);
+    pub fn true_values(&self) -> [L; MEASURED] {
+        let Self { kernel, state, error, .. } = self;
+        let (twist, n) = (K::twist(self), kernel.rows.joints);
+        let [x, y, z] = kernel.up;
+        let up = state.pose.rotation.apply_transposed(Vector3([L::splat(x), L::splat(y), L::splat(z)]));
         let mut truth = [L::zero(); MEASURED];
         for k in 0..3 {
             truth[k] = error.position.0[k];
@@ -152,17 +121,9 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         }
         truth
     }
+}
 
-    /// Direction against gravity in body axes.
-    #[inline(always)]
-    fn up<L: Lane<Real = T>>(&self, state: &StageState<L>) -> Vector3<L> {
-        let mut up = [L::zero(); 3];
-        for k in 0..3 {
-            up[k] = L::splat(self.up[k]);
-        }
-        state.pose.rotation.apply_transposed(Vector3(up))
-    }
-
+impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// Sensors with noise or delay, if any.
     #[inline(always)]
     pub(super) fn sensors(&self) -> Option<&SensorRows> {

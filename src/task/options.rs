@@ -26,7 +26,7 @@ pub struct Options<K> {
     /// Disturbance of the episodes; without it a steady current. As JSON among plain values.
     #[serde(default, with = "as_json", skip_serializing_if = "Option::is_none")]
     pub disturbance: Option<Disturbance>,
-    /// Factors on the scene's parameters, in place of those of the disturbance.
+    /// Factors on the scene's parameters, in place of the disturbance's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub randomize: Option<Parameters>,
     /// Time constant of all thrusters, s, in place of the scene's.
@@ -87,7 +87,7 @@ impl<K: Default> Default for Options<K> {
 }
 
 impl<K> Options<K> {
-    /// These options with those of a task in place of `self.task`.
+    /// These options with another task.
     pub(super) fn with_task<Q>(self, task: Q) -> Options<Q> {
         let Self { action, dt, substeps, max_current, disturbance, randomize, thruster_lag, .. } = self;
         let Self {

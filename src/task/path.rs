@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pose::Pose;
 use super::random::Stream;
-use crate::lane::{Lane, Real, Rows, sin_cos};
+use crate::lane::{Lane, Rows, sin_cos};
 use crate::lie::{self, exp_se3};
 
 /// Kinds of paths.
@@ -95,14 +95,9 @@ pub struct PathPoint<L> {
 
 /// Point of the path in rows from `row` on, `ahead` periods from now; `frequency` is the number of periods per second.
 #[inline(always)]
-pub fn path_point<T: Real, L: Lane<Real = T>>(
-    memory: &Rows<'_, T>,
-    row: usize,
-    ahead: L,
-    frequency: L,
-) -> PathPoint<L> {
-    let (phase, pace) = phase::<T, L>(memory, row, ahead);
-    let (x, slope) = coordinates::<T, L>(memory, row, phase);
+pub fn path_point<L: Lane>(memory: &Rows<'_, L::Real>, row: usize, ahead: L, frequency: L) -> PathPoint<L> {
+    let (phase, pace) = phase::<L>(memory, row, ahead);
+    let (x, slope) = coordinates::<L>(memory, row, phase);
     let pace = pace * frequency;
     let (x, slope) = (lie::Vector6::from_array(x), lie::Vector6::from_array(slope));
     // The left Jacobian of the rotation vector turns its rate into an angular velocity, as it does in the exponential.
@@ -119,7 +114,7 @@ pub fn path_point<T: Real, L: Lane<Real = T>>(
 /// Places along the closed path in rows from `row` on, at these numbers of turns from its start.
 pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Item = f64>) -> Vec<[f64; 3]> {
     let place = |turns: f64| {
-        let ([x, y, z, ..], _) = coordinates::<f64, f64>(memory, row, TAU * turns);
+        let ([x, y, z, ..], _) = coordinates::<f64>(memory, row, TAU * turns);
         [x, y, z]
     };
     around.map(place).collect()
@@ -127,9 +122,9 @@ pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Ite
 
 /// Advances the path in rows from `row` on by a period.
 #[inline(always)]
-pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize) {
+pub fn path_advance<L: Lane>(memory: &mut Rows<'_, L::Real>, row: usize) {
     let one = L::c(1.0);
-    let (phase, _) = phase::<T, L>(memory, row, one);
+    let (phase, _) = phase::<L>(memory, row, one);
     // Within half a turn, so that it stays exact in episodes of any length, even in single precision.
     let turns = (phase * L::c(1.0 / TAU)).round();
     memory.set(row + PHASE, turns.neg_mul_add(L::c(TAU), phase));
@@ -139,7 +134,7 @@ pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: u
 
 /// Phase, and its growth per period at that time.
 #[inline(always)]
-fn phase<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, ahead: L) -> (L, L) {
+fn phase<L: Lane>(memory: &Rows<'_, L::Real>, row: usize, ahead: L) -> (L, L) {
     let [phase, reach, progress, rate] = memory.get_all(row + PHASE);
     let later = ahead.mul_add(rate, progress);
     let x = later.min(L::c(1.0));
@@ -158,7 +153,7 @@ fn climb<L: Lane>(x: L) -> L {
 
 /// The six coordinates at a phase, and their derivatives by it.
 #[inline(always)]
-fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, phase: L) -> ([L; 6], [L; 6]) {
+fn coordinates<L: Lane>(memory: &Rows<'_, L::Real>, row: usize, phase: L) -> ([L; 6], [L; 6]) {
     let mut x: [L; 6] = memory.get_all(row + SHIFT);
     let mut slope = [L::zero(); 6];
     for h in 0..HARMONICS {
@@ -175,13 +170,13 @@ fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, pha
     let (zero, count) = (L::zero(), KNOTS as f64);
     let place = phase * L::c(count / TAU);
     for knot in 0..KNOTS {
-        let apart = place - L::c(knot as f64);
-        let apart = (apart * L::c(1.0 / count)).round().neg_mul_add(L::c(count), apart);
-        let (outer, inner) = ((L::c(2.0) - apart.abs()).max(zero), (L::c(1.0) - apart.abs()).max(zero));
+        let offset = place - L::c(knot as f64);
+        let offset = (offset * L::c(1.0 / count)).round().neg_mul_add(L::c(count), offset);
+        let (outer, inner) = ((L::c(2.0) - offset.abs()).max(zero), (L::c(1.0) - offset.abs()).max(zero));
         let (wide, narrow) = (outer * outer, inner * inner);
         let weight = (wide * outer - narrow * inner * L::c(4.0)) * L::c(1.0 / 6.0);
         let fall = (wide - narrow * L::c(4.0)) * L::c(0.5 * count / TAU);
-        let change = L::select(apart.lt(zero), fall, -fall);
+        let change = L::select(offset.lt(zero), fall, -fall);
         let control: [L; 6] = memory.get_all(row + SPLINE + 6 * knot);
         for k in 0..6 {
             x[k] = control[k].mul_add(weight, x[k]);
@@ -194,7 +189,7 @@ fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, pha
 /// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the maximum amplitude of
 /// rotation out of the horizontal, rad, `period` the control period, s.
 ///
-/// Its maximum speed is 50 to 100 % of that of the range, its angular speed at most [`TURN_SPEED`].
+/// Its maximum speed is 50 to 100 % of the range's, its angular speed at most [`TURN_SPEED`].
 pub fn draw_path(
     range: &PathRange,
     start: &Pose,
@@ -258,7 +253,7 @@ pub fn draw_path(
     numbers[REACH] = if pace.is_finite() { pace * RAMP } else { 0.0 };
     let phase = draw.uniform_in(41, -PI, PI);
     numbers[PHASE] = phase;
-    let (begin, _) = coordinates::<f64, f64>(&Rows::of_one(&mut numbers), 0, phase);
+    let (begin, _) = coordinates::<f64>(&Rows::of_one(&mut numbers), 0, phase);
     for k in 0..6 {
         numbers[SHIFT + k] = if k < 3 { start.position[k] } else { 0.0 } - begin[k];
     }

@@ -1,10 +1,10 @@
-//! Poses of rigid frames in the world, and their errors.
+//! Poses of rigid frames in the world and their errors, and states of groups of instances.
 
 use nalgebra as na;
 
 use crate::lane::{Lane, Routine};
-use crate::lie::{self, Matrix3, Vector3, rotation_vector_and_angle};
-use crate::system::State;
+use crate::lie::{self, Matrix3, Vector3, Vector6, rotation_vector_and_angle};
+use crate::system::{JOINTS, State};
 
 /// A frame in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +36,30 @@ impl Pose {
     pub fn in_lanes(&self) -> lie::Pose<f64> {
         let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| self.rotation[(i, k)]));
         lie::Pose { rotation: Matrix3(rows), position: Vector3(self.position.into()) }
+    }
+}
+
+/// State of a group of instances, without the time.
+#[derive(Debug, Clone, Copy)]
+pub struct StageState<L> {
+    /// Vehicle in the world.
+    pub pose: lie::Pose<L>,
+    /// Absolute body twist.
+    pub twist: Vector6<L>,
+    /// Joint coordinates, rad or m.
+    pub q: [L; JOINTS],
+    /// Joint rates, rad/s or m/s.
+    pub qd: [L; JOINTS],
+}
+
+impl From<&State> for StageState<f64> {
+    fn from(state: &State) -> Self {
+        Self {
+            pose: Pose::of_vehicle(state).in_lanes(),
+            twist: Vector6::from_array(state.twist.into()),
+            q: state.q,
+            qd: state.qd,
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Counter-based random numbers: the value of a draw depends on its address alone.
+//! Counter-based random numbers: the value of a draw depends only on its address.
 //!
 //! Philox4x32-10 after J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
 
@@ -24,40 +24,24 @@ impl EpisodeKey {
 
 /// Purpose of a stream of draws. Streams are independent of each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Purpose {
+pub struct Purpose(u32);
+
+impl Purpose {
     /// Start state relative to the target.
-    Start = 0,
+    pub const START: Self = Self(0);
     /// Target pose.
-    Target = 1,
+    pub const TARGET: Self = Self(1);
     /// Current.
-    Current = 2,
-    /// Joint reference.
-    Reference = 3,
-    /// Start of a drifting current.
-    Drift = 32,
-    /// Gusts.
-    Gust = 33,
-    /// Waves.
-    Waves = 34,
-    /// Pushes.
-    Impulse = 35,
-    /// Tether.
-    Tether = 36,
-    /// Payload.
-    Payload = 37,
-    /// Loss of thrust.
-    Thrusters = 38,
-    /// Biases of sensors throughout an episode.
-    Bias = 39,
-    /// Factors on the scene's parameters.
-    Parameters = 40,
-    /// Noise of sensors, drawn anew each control period.
-    Noise = 41,
+    pub const CURRENT: Self = Self(2);
+    /// References of joints and paths.
+    pub const REFERENCE: Self = Self(3);
     /// Numbers of the scene.
-    Scene = 42,
-    /// Delay of sensors.
-    Delay = 43,
+    pub const SCENE: Self = Self(42);
+
+    /// Purpose of a component of a disturbance: numbers from 32 on.
+    pub const fn of(stream: u32) -> Self {
+        Self(stream)
+    }
 }
 
 /// A stream of draws, addressed by index. Each index is a block of 128 bits for one draw.
@@ -113,7 +97,7 @@ impl Stream {
 
     fn words(&self, index: u32) -> [u32; 4] {
         let EpisodeKey { seed, episode } = self.key;
-        let counter = [index, self.purpose as u32, episode as u32, (episode >> 32) as u32];
+        let counter = [index, self.purpose.0, episode as u32, (episode >> 32) as u32];
         philox4x32(counter, [seed as u32, (seed >> 32) as u32])
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::random::Stream;
 use crate::description::{Joint, JointKind};
-use crate::lane::{Lane, Real, Rows, sin_cos};
+use crate::lane::{Lane, Rows, sin_cos};
 use crate::system::JOINTS;
 
 /// Duration of the ramp from rest, s.
@@ -206,7 +206,7 @@ impl JointReferenceRows {
 
     /// Sets the points of the first control instants from the references; `frequency` is one over the control period.
     #[inline(always)]
-    pub fn begin<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, frequency: L) {
+    pub fn begin<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, frequency: L) {
         for i in 0..self.joints {
             let reference: JointReference<L> = self.reference(memory, i);
             for (row, ahead) in [(self.now, 0.0), (self.next, 1.0)] {
@@ -218,11 +218,11 @@ impl JointReferenceRows {
 
     /// Moves the references to the next control instant.
     #[inline(always)]
-    pub fn advance<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, frequency: L) {
+    pub fn advance<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, frequency: L) {
         for i in 0..self.joints {
             let mut reference: JointReference<L> = self.reference(memory, i);
             reference.advance();
-            let now = point::<T, L>(memory, self.next, i);
+            let now = point::<L>(memory, self.next, i);
             set_point(memory, self.now, i, &now);
             set_point(memory, self.next, i, &reference.point(L::c(1.0), frequency));
             memory.set_all(self.reference + JointReference::<L>::LEN * i, &reference.moving());
@@ -231,12 +231,7 @@ impl JointReferenceRows {
 
     /// Servo targets over the coming control period, per joint: see [`hermite`].
     #[inline(always)]
-    pub fn targets<T: Real, L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        frequency: L,
-        targets: &mut [[L; 4]; JOINTS],
-    ) {
+    pub fn targets<L: Lane>(&self, memory: &Rows<'_, L::Real>, frequency: L, targets: &mut [[L; 4]; JOINTS]) {
         for i in 0..self.joints {
             let (now, next) = (point(memory, self.now, i), point(memory, self.next, i));
             targets[i] = hermite(&now, &next, frequency);
@@ -244,24 +239,19 @@ impl JointReferenceRows {
     }
 
     #[inline(always)]
-    fn reference<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, joint: usize) -> JointReference<L> {
+    fn reference<L: Lane>(&self, memory: &Rows<'_, L::Real>, joint: usize) -> JointReference<L> {
         JointReference::from_array(memory.get_all(self.reference + JointReference::<L>::LEN * joint))
     }
 }
 
 #[inline(always)]
-fn point<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, joint: usize) -> ReferencePoint<L> {
+fn point<L: Lane>(memory: &Rows<'_, L::Real>, row: usize, joint: usize) -> ReferencePoint<L> {
     let [value, rate] = memory.get_all(row + 2 * joint);
     ReferencePoint { value, rate }
 }
 
 #[inline(always)]
-fn set_point<T: Real, L: Lane<Real = T>>(
-    memory: &mut Rows<'_, T>,
-    row: usize,
-    joint: usize,
-    point: &ReferencePoint<L>,
-) {
+fn set_point<L: Lane>(memory: &mut Rows<'_, L::Real>, row: usize, joint: usize, point: &ReferencePoint<L>) {
     memory.set_all(row + 2 * joint, &[point.value, point.rate]);
 }
 

@@ -87,7 +87,7 @@ impl TaskKind {
     }
 }
 
-/// Options of one task as those of a task among all.
+/// Options of one task as options of any task.
 fn any<K: TaskDefinition + Into<TaskKind>>(options: Options<K>) -> TaskOptions {
     let task = options.task.clone().into();
     options.with_task(task)

@@ -46,7 +46,7 @@ impl RewardWeights {
     }
 }
 
-/// Weights in the precision of the lanes, with their signs; that of the action's change per entry.
+/// Weights in the precision of the lanes, with their signs; the weight of the action's change is per entry.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RewardKernel<T> {
     pose: T,
@@ -54,8 +54,8 @@ pub(super) struct RewardKernel<T> {
     action_rate: T,
     diverged: T,
     /// s^-2.
-    fine: T,
-    coarse: T,
+    inverse_square: T,
+    inverse_linear: T,
 }
 
 /// Terms of the reward.
@@ -76,15 +76,15 @@ pub(super) fn squared_pose_error<L: Lane>(position: L, angle: L) -> L {
 
 impl<T: Real> RewardKernel<T> {
     /// For actions with this number of entries, and a pose error at which the linear part is 1, m.
-    pub fn new(weights: &RewardWeights, actions: usize, coarse: f64) -> Self {
+    pub fn new(weights: &RewardWeights, actions: usize, linear_scale: f64) -> Self {
         let number = T::from_f64;
         Self {
             pose: number(-weights.pose),
             effort: number(-weights.effort),
             action_rate: number(-weights.action_rate / actions as f64),
             diverged: number(-weights.diverged),
-            fine: number(1.0 / (weights.pose_scale * weights.pose_scale)),
-            coarse: number(1.0 / coarse),
+            inverse_square: number(1.0 / (weights.pose_scale * weights.pose_scale)),
+            inverse_linear: number(1.0 / linear_scale),
         }
     }
 
@@ -98,7 +98,9 @@ impl<T: Real> RewardKernel<T> {
         change: L,
         in_bounds: L::Mask,
     ) -> RewardTerms<L> {
-        let cost = squared_error.sqrt().mul_add(L::splat(self.coarse), ln_1p(squared_error * L::splat(self.fine)));
+        let cost = squared_error
+            .sqrt()
+            .mul_add(L::splat(self.inverse_linear), ln_1p(squared_error * L::splat(self.inverse_square)));
         RewardTerms {
             pose: cost * L::splat(self.pose),
             effort: effort * L::splat(self.effort),

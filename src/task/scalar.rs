@@ -2,16 +2,16 @@
 
 use std::fmt::Debug;
 
-use super::definition::{EpisodeStart, Frame, TaskDefinition, TaskKernel};
+use super::definition::{ControlInstant, EpisodeStart, Frame, TaskDefinition, TaskKernel};
 use super::disturbance::DisturbanceKernel;
 use super::episode::EpisodeRows;
+use super::gradient::TaskGradient;
 use super::kernel::Command;
 use super::metrics::Outcome;
 use super::model::TaskModel;
 use super::options::Options;
-use super::pose::Pose;
+use super::pose::{Pose, StageState};
 use super::random::{EpisodeKey, Purpose, Stream};
-use super::stage_state::StageState;
 use crate::control::ACTIONS;
 use crate::lane::Rows;
 use crate::system::State;
@@ -36,10 +36,11 @@ pub(super) trait ScalarKernel: Debug + Send + Sync {
     fn begin(&self, memory: &mut Rows<'_, f64>);
     fn act(&self, memory: &mut Rows<'_, f64>, action: &mut [f64; ACTIONS]) -> Command<f64>;
     /// Records the forcing and the first measurement of an episode's start.
-    fn measure_start(&self, memory: &mut Rows<'_, f64>, state: &StageState<f64>);
+    fn measure_start(&self, memory: Rows<'_, f64>, state: &StageState<f64>);
     /// Advances to the next control instant and evaluates it.
-    fn advance(&self, memory: &mut Rows<'_, f64>, state: &StageState<f64>, share: f64) -> Outcome;
-    fn observe(&self, memory: &Rows<'_, f64>, state: &StageState<f64>, row: &mut [f32]);
+    fn advance(&self, memory: Rows<'_, f64>, state: &StageState<f64>, share: f64) -> Outcome;
+    fn observe(&self, memory: Rows<'_, f64>, state: &StageState<f64>, row: &mut [f32]);
+    fn gradient(&self) -> &dyn TaskGradient;
 }
 
 /// Options and kernel of a task.
@@ -77,7 +78,7 @@ impl<K: TaskDefinition> ScalarKernel for Scalar<K> {
         arm: [f64; 2],
         memory: &mut Rows<'_, f64>,
     ) {
-        let (options, draw) = (&self.options, Stream::new(key, Purpose::Reference));
+        let (options, draw) = (&self.options, Stream::new(key, Purpose::REFERENCE));
         K::sample(&self.kernel, &EpisodeStart { options, model, target: *target, state, arm, draw }, memory);
     }
 
@@ -91,22 +92,23 @@ impl<K: TaskDefinition> ScalarKernel for Scalar<K> {
         command
     }
 
-    fn measure_start(&self, memory: &mut Rows<'_, f64>, state: &StageState<f64>) {
+    fn measure_start(&self, mut memory: Rows<'_, f64>, state: &StageState<f64>) {
         let Some(disturbance) = self.kernel.disturbance() else { return };
-        let forcing = disturbance.forcing(memory, &state.pose, &state.twist);
-        disturbance.record(memory, self.kernel.rows().current, &forcing);
-        let error = self.kernel.error(memory, state);
-        self.kernel.measure(memory, state, &error, true);
+        let forcing = disturbance.forcing(&memory, &state.pose, &state.twist);
+        disturbance.record(&mut memory, self.kernel.rows().current, &forcing);
+        ControlInstant::new(&self.kernel, memory, state).measure(true);
     }
 
-    fn advance(&self, memory: &mut Rows<'_, f64>, state: &StageState<f64>, share: f64) -> Outcome {
-        self.kernel.advance::<f64>(memory);
-        let error = self.kernel.error(memory, state);
-        Outcome::new(&self.kernel.evaluate(memory, state, &error, share), K::METRICS.len())
+    fn advance(&self, mut memory: Rows<'_, f64>, state: &StageState<f64>, share: f64) -> Outcome {
+        self.kernel.advance::<f64>(&mut memory);
+        Outcome::new(&ControlInstant::new(&self.kernel, memory, state).evaluate(share), K::METRICS.len())
     }
 
-    fn observe(&self, memory: &Rows<'_, f64>, state: &StageState<f64>, row: &mut [f32]) {
-        let error = self.kernel.error(memory, state);
-        self.kernel.observe(memory, state, &error, row);
+    fn observe(&self, memory: Rows<'_, f64>, state: &StageState<f64>, row: &mut [f32]) {
+        ControlInstant::new(&self.kernel, memory, state).observe(row);
+    }
+
+    fn gradient(&self) -> &dyn TaskGradient {
+        &self.kernel
     }
 }

@@ -26,7 +26,7 @@ pub struct SceneDraws {
 }
 
 impl SceneDraws {
-    /// Draws of the numbers of `scene` that `parameters` randomises; none where these are factors alone.
+    /// Draws of the numbers of `scene` that `parameters` randomises; none where these are only factors.
     ///
     /// # Errors
     /// [`TaskError::Disturbance`] for a key that the scene does not have or that has no effect, a range of another form than the
@@ -104,7 +104,7 @@ impl SceneDraws {
     }
 
     fn attempt(&self, key: EpisodeKey, attempt: u32) -> Result<(Scene, Compiled), String> {
-        let stream = Stream::new(key, Purpose::Scene);
+        let stream = Stream::new(key, Purpose::SCENE);
         let mut index = attempt * NUMBERS;
         let values: Vec<Value> = self
             .ranges

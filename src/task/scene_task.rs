@@ -8,17 +8,17 @@ use super::definition::{TaskDefinition, TaskKernel};
 use super::disturbance::{Column, Disturbance, DisturbanceContext, Profile};
 use super::drives::{JointDrives, with_drives};
 use super::episode::{Episode, EpisodeRows};
+use super::gradient::TaskGradient;
 use super::kernel::Command;
 use super::metrics::Outcome;
 use super::model::TaskModel;
 use super::observation::Layout;
 use super::observe::layout;
 use super::options::Options;
-use super::pose::Pose;
+use super::pose::{Pose, StageState};
 use super::registry::{TaskOptions, dispatch_task};
 use super::scalar::{Scalar, ScalarKernel};
 use super::scene_draws::SceneDraws;
-use super::stage_state::StageState;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation};
 use crate::description::{Joint, JointKind, Scene};
 use crate::error::{ControlError, TaskError};
@@ -169,7 +169,7 @@ impl Task {
         self.model.actions.allocation()
     }
 
-    /// Names of the metrics: those of all tasks, then the task's own.
+    /// Names of the metrics: the shared ones, then the task's own.
     pub fn metric_names(&self) -> &[&'static str] {
         &self.metric_names
     }
@@ -201,7 +201,7 @@ impl Task {
         }
     }
 
-    /// The kernel of the task of type `K` in this precision; `definition` is that of the options.
+    /// The kernel of the task of type `K` in this precision; `definition` is the options' task.
     pub fn in_lanes<T: Real, K: TaskDefinition>(&self, definition: &K) -> TaskKernel<T, K> {
         TaskKernel::new(&self.options.clone().with_task(definition.clone()), &self.model)
     }
@@ -227,16 +227,21 @@ impl Task {
         self.kernel.act(&mut episode.memory(), &mut entries)
     }
 
-    /// [`TaskKernel::advance`] and [`TaskKernel::evaluate`] for one instance.
+    /// [`TaskKernel::advance`] and `ControlInstant::evaluate` for one instance.
     pub fn advance(&self, episode: &mut Episode, state: &State) -> Outcome {
         episode.step += 1;
         let share = 1.0 / f64::from(episode.step);
-        self.kernel.advance(&mut episode.memory(), &StageState::from(state), share)
+        self.kernel.advance(episode.memory(), &StageState::from(state), share)
     }
 
-    /// [`TaskKernel::observe`] for one instance.
+    /// `ControlInstant::observe` for one instance.
     pub fn observe(&self, episode: &Episode, state: &State, row: &mut [f32]) {
-        self.kernel.observe(&episode.clone().memory(), &StageState::from(state), row);
+        self.kernel.observe(episode.clone().memory(), &StageState::from(state), row);
+    }
+
+    /// Gradients through its kernels.
+    pub fn gradient(&self) -> &dyn TaskGradient {
+        self.kernel.gradient()
     }
 }
 

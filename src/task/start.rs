@@ -7,10 +7,9 @@ use super::disturbance::{Column, Disturbance, DisturbanceKernel};
 use super::episode::Episode;
 use super::observation::joint_bounds;
 use super::options::StartOverride;
-use super::pose::Pose;
+use super::pose::{Pose, StageState};
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::scene_task::Task;
-use super::stage_state::StageState;
 use crate::error::{ControlError, TaskError};
 use crate::system::{Factors, State};
 
@@ -80,7 +79,7 @@ impl Task {
         let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
         let arm = disturbance.arm.unwrap_or_default();
 
-        let draw = Stream::new(key, Purpose::Target);
+        let draw = Stream::new(key, Purpose::TARGET);
         let target = Pose {
             position: given
                 .target_position
@@ -91,13 +90,13 @@ impl Task {
             ),
         };
 
-        let draw = Stream::new(key, Purpose::Current);
+        let draw = Stream::new(key, Purpose::CURRENT);
         let current = given.current.map(Vector3::from).unwrap_or_else(|| {
             let (own, steady) = (model.scene.water.current, disturbance.current.as_ref());
             steady.map_or(own, |steady| own + steady.draw(&draw, &model.context))
         });
 
-        let drawn = self.kernel().start_pose(model, &target, &Stream::new(key, Purpose::Start));
+        let drawn = self.kernel().start_pose(model, &target, &Stream::new(key, Purpose::START));
         let position = given.position.map_or(drawn.position, Vector3::from);
         let attitude = given.attitude.map_or(drawn.rotation, rotation);
         let twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
@@ -116,7 +115,7 @@ impl Task {
             kernel.begin(&mut Column::of_one(&mut episode.numbers), key, &current, disturbance);
         }
         kernel.begin(&mut episode.memory());
-        kernel.measure_start(&mut episode.memory(), &StageState::from(&state));
+        kernel.measure_start(episode.memory(), &StageState::from(&state));
         if let Some(sensors) = kernel.disturbance().and_then(DisturbanceKernel::sensors) {
             sensors.fill(&mut Column::of_one(&mut episode.numbers));
         }

@@ -4,15 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::arm_reference;
 use super::bounds::{POSITION_BOUND, shorter};
-use super::definition::{EpisodeStart, TaskDefinition, TaskKernel};
+use super::definition::{ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
 use super::disturbance::MEASURED;
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
 use super::options::{Options, check_non_negative};
-use super::pose::PoseError;
 use super::reference::JointReferenceRows;
-use super::stage_state::StageState;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::Vector3;
@@ -36,6 +34,8 @@ impl TaskDefinition for StationKeep {
     const NAME: &'static str = "station-keep";
     const ENVIRONMENT: &'static str = "UVMS-StationKeep";
 
+    const MEASURED_INPUTS: usize = 0;
+
     type Kernel<T: Real> = JointReferenceRows;
 
     fn check(&self, _start_distance: f64) -> Result<(), TaskError> {
@@ -46,7 +46,7 @@ impl TaskDefinition for StationKeep {
         arm_reference::push_blocks(model, layout);
     }
 
-    fn rows(model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+    fn rows(_options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
         TaskRows { joints: Some(joints), ..TaskRows::default() }
     }
@@ -63,55 +63,41 @@ impl TaskDefinition for StationKeep {
     }
 
     #[inline(always)]
-    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
         kernel.task.begin(memory, L::splat(kernel.frequency));
     }
 
     #[inline(always)]
-    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
         kernel.task.advance(memory, L::splat(kernel.frequency));
     }
 
     #[inline(always)]
-    fn joint_targets<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
+    fn joint_targets<L: Lane>(
+        kernel: &TaskKernel<L::Real, Self>,
+        memory: &Rows<'_, L::Real>,
         joints: &mut [[L; 4]; JOINTS],
     ) {
         kernel.task.targets(memory, L::splat(kernel.frequency), joints);
     }
 
     #[inline(always)]
-    fn observe<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        _state: &StageState<L>,
-        _error: &PoseError<L>,
+    fn observe<L: Lane>(
+        at: &ControlInstant<'_, L, Self>,
         _measured: &[L; MEASURED],
-        writer: &mut ObservationWriter<'_, T>,
+        writer: &mut ObservationWriter<'_, L::Real>,
     ) {
-        arm_reference::observe::<T, L, Self>(kernel, &kernel.task, memory, writer);
+        arm_reference::observe(at, &at.kernel.task, writer);
     }
 
     #[inline(always)]
-    fn in_bounds<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        _error: &PoseError<L>,
-    ) -> L::Mask {
-        let target: [L; 3] = memory.get_all(kernel.rows.target + 9);
-        shorter(state.pose.position - Vector3(target), POSITION_BOUND)
+    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask {
+        let target: [L; 3] = at.memory.get_all(at.kernel.rows.target + 9);
+        shorter(at.state.pose.position - Vector3(target), POSITION_BOUND)
     }
 
     #[inline(always)]
-    fn end_effector_error<T: Real, L: Lane<Real = T>>(
-        kernel: &TaskKernel<T, Self>,
-        memory: &Rows<'_, T>,
-        state: &StageState<L>,
-        error: &PoseError<L>,
-        _bounded: [L; 2],
-    ) -> [L; 2] {
-        arm_reference::end_effector_error(kernel, &kernel.task, memory, state, error)
+    fn end_effector_error<L: Lane>(at: &ControlInstant<'_, L, Self>, _bounded: [L; 2]) -> [L; 2] {
+        arm_reference::end_effector_error(at, &at.kernel.task)
     }
 }

@@ -75,8 +75,7 @@ def gradient(learner: Learner, number: int) -> tuple[torch.Tensor, int]:
         size = learner.parameters.horizon
         instances, starts = episodes.alive[:, ::size].nonzero().T
         some = torch.randperm(len(starts), generator=generator)[: learner.parameters.batch_size]
-        ages = learner.gradient.ages(episodes)
-        windows = learner._windows(episodes, more, instances[some], size * starts[some], ages, learner.critic)
+        windows = learner._windows(episodes, more, instances[some], size * starts[some], learner.critic)
         mean, pull = forward(learner.actor, windows.inputs)
         objective = (mean * learner.gradient(windows, pull).detach()).sum()
         count = int(windows.alive.sum())
@@ -112,8 +111,7 @@ def parts(learner: Shac) -> dict[str, float]:
         learner.actor, 20_000, learner.horizon
     )
     rows, size = torch.arange(learner.parameters.batch_size) % learner.num_envs, learner.parameters.horizon
-    ages = timed("ages of measurements", learner.gradient.ages)(episodes)
-    windows = timed("choice of windows", learner._windows)(episodes, factors, rows, 0 * rows, ages, learner.critic)
+    windows = timed("choice of windows", learner._windows)(episodes, factors, rows, 0 * rows, learner.critic)
     simulator, learner.gradient.simulator = learner.gradient.simulator, Timed(learner.gradient.simulator)  # type: ignore[assignment]
     timed("gradient step in all", learner._improve)(windows)
     mean, pull = timed("policy: forward", forward)(learner.actor, windows.inputs)

@@ -125,6 +125,8 @@ class TaskOptions:
     task: ClassVar[str] = ""
     #: Classes of the tasks' options, by the name of the task.
     by_task: ClassVar[dict[str, type["TaskOptions"]]] = {}
+    #: Reward weight on changes of the action in the variants of the environment with disturbances.
+    storm_action_rate: ClassVar[float] = 0.2
 
     scene: Scene = "petasus-pum"
     action: Literal["wrench", "thrusters", "residual"] = "wrench"

@@ -251,7 +251,7 @@ def _run(
                 verbose=int(verbose > 1),
                 origin=origin,
                 tick=partial(bar.advance, task),
-                tell=tell,
+                report=tell,
             )
     rate = outcome.steps / outcome.seconds
     # Algorithms end with a whole iteration.

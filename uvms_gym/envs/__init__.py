@@ -37,15 +37,13 @@ __all__ = [
 VARIANTS = {"-Storm": "storm", "-Wide": "storm-wide"}
 #: Control period there, s, control periods of an episode, and the thrusters' lag, s.
 _PERIOD, _STEPS, _LAG = 0.1, 200, 0.1
-#: Reward weight on changes of the action there, for commands about as calm as a PD's.
-_ACTION_RATE = {"StationKeep": 0.8, "EETrack": 0.2, "Dock": 0.2}
 
 
 def register_envs() -> None:
     """Register the environments with Gymnasium; importing `uvms_gym` does so."""
-    for options in (StationKeepOptions, EETrackOptions, DockOptions):
+    for options in TaskOptions.by_task.values():
         name = options.__name__.removesuffix("Options")
-        reward = {"effort": 0.05, "action_rate": _ACTION_RATE[name]}
+        reward = {"effort": 0.05, "action_rate": options.storm_action_rate}
         common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / options.dt), "reward": reward}
         _register(name, "", EPISODE_STEPS, {})
         for variant, level in VARIANTS.items():

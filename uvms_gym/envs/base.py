@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._task.arguments import Actions, as_actions, starts
 from uvms_gym._task.base import EPISODE_STEPS, TaskBase
+from uvms_gym._task.jacobians import base_actions, period_jacobians
 from uvms_gym._task.options import TaskOptions
 from uvms_gym.envs.rendering import RENDER_MODES, SINGLE_MODES, Picture, Pictures, Rendering
 from uvms_gym.envs.window import Window
@@ -129,7 +130,7 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
 class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
     """N instances of a task, stepped together in one native call.
 
-    The numbers are those of a `SyncVectorEnv` of single environments, bit for bit, for any number of instances and
+    The numbers equal a `SyncVectorEnv` of single environments, bit for bit, for any number of instances and
     threads.
 
     Parameters
@@ -258,7 +259,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
     def perfect_observations(self) -> Observations:
         """Observations (N, d) of the true, present state, for asymmetric critics and teachers.
 
-        The sensors have neither noise nor delay; the integral of errors is that of the measured ones.
+        The sensors have neither noise nor delay; the integral of errors comes from the measured ones.
 
         Raises
         ------
@@ -266,6 +267,61 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             There is no episode.
         """
         return self._native.perfect_observations()
+
+    def forces(self, actions: ArrayLike, observations: Observations | None = None) -> NDArray[np.float64]:
+        """Forces (N, f) of actions (N, a): thrusts, N, then torques of joints that the action drives, N m or N.
+
+        Residual actions correct a controller on the present `observations` (N, d).
+
+        Raises
+        ------
+        ValueError
+            The shape is wrong, or residual actions lack `observations`.
+        """
+        given = as_actions(actions, (self.num_envs, *self._action_shape))
+        return self._native.forces(self._native.frames()[1], given, self._base(observations))[0]
+
+    def jacobians(
+        self, actions: ArrayLike, observations: Observations | None = None
+    ) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Jacobians of the coming control period under `actions` (N, a), without the physics between both ends.
+
+        The environment is not stepped. `snapshot().step_jacobians` has the physics: docs/gradients.md.
+
+        Parameters
+        ----------
+        actions : array_like (N, a)
+        observations : numpy.ndarray (N, d) or None
+            Present observations; needed with residual actions.
+
+        Returns
+        -------
+        dict of dict of numpy.ndarray
+            (N, outputs, inputs) by output and input. Outputs: "force" (f) of `forces`; "observation" (d) and "reward"
+            (1) after the period; "measurement" (w), the measured quantities in that state: errors of position and
+            attitude, twist, joint coordinates and rates, and where observed the direction against gravity; "memory"
+            (c): previous action, its squared change, three means over actuators, the integral of both errors, and rows
+            of the task. Inputs: "state" (12 + 2 n) after the period, in the coordinates of `step_jacobians`;
+            "measurement" (w), where late sensors measure an earlier state; "action" (a); with residual actions "base"
+            (a), the base controller's action; "memory" (c) before the period. Forces depend on the last three alone.
+
+        Raises
+        ------
+        ValueError
+            The shape is wrong, or residual actions lack `observations`.
+        gymnasium.error.ResetNeeded
+            There is no episode, or one is over.
+        """
+        given = as_actions(actions, (self.num_envs, *self._action_shape))
+        return period_jacobians(self._native, given, self._base(observations))
+
+    def _base(self, observations: Observations | None) -> NDArray[np.float32] | None:
+        """Actions (N, a) of the base controller, with residual actions."""
+        if self.options.action != "residual":
+            return None
+        if observations is None:
+            raise ValueError("residual actions correct a controller: give its observations (N, d)")
+        return base_actions(self._native, observations)
 
     def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
         """Sequence of N pictures, each drawn at its first access; without a render mode a warning and N times None."""

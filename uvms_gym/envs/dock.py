@@ -153,7 +153,7 @@ class DockEnv(TaskEnv):
 
 
 class DockVectorEnv(TaskVectorEnv):
-    """N instances of `DockEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
+    """N instances of `DockEnv`, stepped together in one native call; parameters as in `TaskVectorEnv`."""
 
     options_class = DockOptions
     options: DockOptions

@@ -144,7 +144,7 @@ class EETrackEnv(TaskEnv):
 
 
 class EETrackVectorEnv(TaskVectorEnv):
-    """N instances of `EETrackEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
+    """N instances of `EETrackEnv`, stepped together in one native call; parameters as in `TaskVectorEnv`."""
 
     options_class = EETrackOptions
     options: EETrackOptions

@@ -1,6 +1,7 @@
 """Station keeping: `UVMS-StationKeep-v0`, single and vector."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from uvms_gym._task.options import TaskOptions
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
@@ -15,6 +16,9 @@ class StationKeepOptions(TaskOptions, task="station-keep"):
     arm_amplitude : float
         Maximum swing of the arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     """
+
+    #: Commands there become about as smooth as those of a PD.
+    storm_action_rate: ClassVar[float] = 0.8
 
     arm_amplitude: float = 0.4
 
@@ -163,7 +167,7 @@ class StationKeepEnv(TaskEnv):
 
 
 class StationKeepVectorEnv(TaskVectorEnv):
-    """N instances of `StationKeepEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
+    """N instances of `StationKeepEnv`, stepped together in one native call; parameters as in `TaskVectorEnv`."""
 
     options_class = StationKeepOptions
     options: StationKeepOptions

@@ -121,7 +121,7 @@ class AsymmetricPPO(Learner):
             step(self._critic_adam, ((values - returns[i, t]) ** 2).mean())
 
     def estimate(self, episodes: Episodes) -> tuple[Tensor, Tensor]:
-        """Advantages, normalised and less their mean over episodes of a seed, and returns (n, T)."""
+        """Normalised advantages, minus their mean over episodes of a seed, and returns (n, T)."""
         alive = episodes.alive
         with torch.no_grad():
             values = self.critic(episodes.perfect)

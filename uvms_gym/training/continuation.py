@@ -30,12 +30,12 @@ def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
     assert kind == "MT19937"
     arrays = {f"env.{name}": rows for name, rows in venv.get_state().items()}  # type: ignore[attr-defined]
     arrays |= {"torch": torch.get_rng_state().numpy(), "numpy.keys": keys, "numpy.rest": np.array(rest, dtype=float)}
-    data, whole = io.BytesIO(), io.BytesIO()
+    data, complete = io.BytesIO(), io.BytesIO()
     np.savez(data, seconds=seconds, **arrays)
-    model.save(whole)
-    with zipfile.ZipFile(whole, "a") as file:
+    model.save(complete)
+    with zipfile.ZipFile(complete, "a") as file:
         file.writestr(_MEMBER, data.getvalue())
-    write(path, whole.getvalue())
+    write(path, complete.getvalue())
 
 
 def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:

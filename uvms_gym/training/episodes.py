@@ -34,6 +34,10 @@ class Episodes:
     """Number of stacked observations h."""
     targets: Tensor | None = None
     """Actions of a teacher on the perfect observations (n, T, a)."""
+    states: Tensor | None = None
+    """States before each step and after the last (n, T + 1, .), for gradients of the return."""
+    memories: Tensor | None = None
+    """Memories of the task at these instants (n, T + 1, .)."""
 
     @property
     def inputs(self) -> Tensor:
@@ -51,7 +55,7 @@ class Episodes:
 
 
 class TrainingEnvs:
-    """Instances of an environment, whose episodes are run with perfect observations beside those of the sensors.
+    """Instances of an environment, whose episodes are run with perfect observations beside the sensors' observations.
 
     Parameters
     ----------
@@ -87,6 +91,7 @@ class TrainingEnvs:
         noise: Tensor,
         teacher: Controller | None = None,
         teacher_acts: bool = False,
+        frames: bool = False,
     ) -> Episodes:
         """Run the first T steps of an episode of every instance, natively.
 
@@ -101,6 +106,8 @@ class TrainingEnvs:
             Controller on the perfect observations, whose actions become `targets`.
         teacher_acts : bool
             The teacher's actions are taken in place of the actor's.
+        frames : bool
+            States and memories are recorded, too.
 
         Raises
         ------
@@ -110,7 +117,7 @@ class TrainingEnvs:
         given: Any = list(seeds)
         self.env.reset(seed=given)
         native = None if teacher is None else teacher.native
-        rows = self.inner._native.record(actor.native, noise.numpy(), native, teacher_acts=teacher_acts)
+        rows = self.inner._native.record(actor.native, noise.numpy(), native, teacher_acts=teacher_acts, frames=frames)
         return Episodes(history=actor.history, **{name: torch.from_numpy(array) for name, array in rows.items()})
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
-#: First seed of evaluation episodes; those of training lie above.
+#: First seed of evaluation episodes; seeds of training are larger.
 SEED = 2_000_000
 
 

@@ -104,7 +104,7 @@ def policy_of(
 
 
 def check_actions(actions: NDArray[np.float32], expected: NDArray[np.float32]) -> None:
-    """Compare the actions of an exported policy with those of its model.
+    """Compare the actions of an exported policy with its model's.
 
     Raises
     ------

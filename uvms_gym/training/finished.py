@@ -7,7 +7,7 @@ from uvms_gym.controllers import MLP
 
 
 def is_finished(file: Path | str) -> bool:
-    """True if a file holds the whole policy of a run that took all of its steps."""
+    """True if a file has the complete policy of a run that took all of its steps."""
     try:
         notes = MLP.load(file, residual=True).notes
         return int(notes["steps"]) >= int(json.loads(notes["hyperparameters"])["n_timesteps"])

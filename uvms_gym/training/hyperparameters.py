@@ -7,7 +7,7 @@ from typing import Any
 
 from uvms_gym._files import read_text
 
-#: Shipped hyperparameters of the algorithm `ppo`; those of the others lie beside them.
+#: Shipped hyperparameters of the algorithm `ppo`; the other algorithms' are beside them.
 SHIPPED = Path(__file__).with_name("ppo.yml")
 #: Hyperparameters with schedules.
 _SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
@@ -20,8 +20,8 @@ def read_hyperparameters(
 ) -> dict[str, Any]:
     """Read hyperparameters of an environment, by Gymnasium's id, from YAML (None: those shipped for the algorithm).
 
-    With a variant they are updated by those of `ENV/VARIANT`: "residual" for corrections to a controller, "start" for a
-    policy to begin with.
+    With a variant they are updated by the entry `ENV/VARIANT`: "residual" for corrections to a controller, "start" for
+    a policy to begin with.
 
     Raises
     ------

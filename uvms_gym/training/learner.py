@@ -1,4 +1,4 @@
-"""Learners on whole episodes: collection of the next episodes beside the update on the last ones."""
+"""Learners on episodes: collection of the next episodes beside the update on the last ones."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -52,7 +52,7 @@ class Hyperparameters:
 
 
 def _converted(name: str, kind: Any, value: Any) -> Any:
-    """Number or tuple of counts; whole numbers and sizes are positive."""
+    """Number or tuple of counts; integers and sizes are positive."""
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if kind is int:
@@ -119,9 +119,9 @@ class Learner(ABC):
     @property
     def horizon(self) -> int:
         """Steps of each episode in the next iteration."""
-        whole = self.envs.steps
-        first = min(self._first, whole)
-        return round(first + (whole - first) * min(1.0, (1.0 - self.left) / GROWTH))
+        complete = self.envs.steps
+        first = min(self._first, complete)
+        return round(first + (complete - first) * min(1.0, (1.0 - self.left) / GROWTH))
 
     @property
     def left(self) -> float:

@@ -38,7 +38,7 @@ def make_learner(settings: Settings) -> Learner:
 
 
 def check(settings: Settings) -> None:
-    """Make the learner once: errors are those of its class."""
+    """Make the learner once: errors as in its class."""
     make_learner(settings).close()
 
 
@@ -66,7 +66,7 @@ def load(learner: Learner, path: Path) -> float:
         The file is of another kind, or for other settings.
     """
     try:
-        # Numbers alone: nothing in the file is executed.
+        # Only numbers: nothing in the file is executed.
         state = torch.load(path, weights_only=True)
         if state["algo"] != learner.settings.algo:
             raise ValueError(f"algorithm {state['algo']}")
@@ -85,15 +85,15 @@ def train(
     verbose: int = 0,
     origin: Mapping[str, str] | None = None,
     tick: Callable[[int], object] = lambda steps: None,
-    tell: Callable[[dict[str, Any]], object] = lambda evaluation: None,
+    report: Callable[[dict[str, Any]], object] = lambda evaluation: None,
 ) -> Outcome:
     """Train, evaluate, write checkpoints and export the policy, all in `folder`.
 
-    Parameters and errors are those of `uvms_gym.training.ppo.train`, as are stops; `verbose` has no effect.
+    Parameters, errors and stops as in `uvms_gym.training.ppo.train`; `verbose` has no effect.
     """
     learner = make_learner(settings)
     before = 0.0 if agent is None else load(learner, agent)
-    record = Record(settings, folder, learner.envs.inner, time.perf_counter() - before, origin or {}, tell)
+    record = Record(settings, folder, learner.envs.inner, time.perf_counter() - before, origin or {}, report)
     if agent is not None:
         record.resume(learner.steps)
     if learner.left == 0.0:

@@ -109,7 +109,7 @@ class Actor(nn.Module):
         return policy
 
     def load(self, policy: MLP) -> None:
-        """Take the weights of a policy with as many layers of the same sizes.
+        """Load the weights of a policy with layers of the same sizes.
 
         Raises
         ------

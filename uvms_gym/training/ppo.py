@@ -73,7 +73,7 @@ def make_model(settings: Settings, venv: VecEnv, **more: Any) -> PPO:
 
 
 def check(settings: Settings) -> None:
-    """Make environment and model once: errors are those of `make_envs` and `make_model`."""
+    """Make environment and model once: errors as in `make_envs` and `make_model`."""
     make_model(settings, make_envs(settings)[0])
 
 
@@ -86,7 +86,7 @@ def train(
     verbose: int = 0,
     origin: Mapping[str, str] | None = None,
     tick: Callable[[int], object] = lambda steps: None,
-    tell: Callable[[dict[str, Any]], object] = lambda evaluation: None,
+    report: Callable[[dict[str, Any]], object] = lambda evaluation: None,
 ) -> Outcome:
     """Train, evaluate, write checkpoints and export the policy, all in `folder`.
 
@@ -108,7 +108,7 @@ def train(
         Further notes for the policy, such as the commit.
     tick : callable
         Called with the number of new steps.
-    tell : callable
+    report : callable
         Called with every evaluation.
 
     Raises
@@ -128,7 +128,7 @@ def train(
         given = arguments(settings.hyperparameters)
         schedules = {key: given[key] for key in ("learning_rate", "clip_range") if key in given}
         model, before = continuation.load(agent, venv, device=settings.device, **schedules, **log)
-    record = Record(settings, folder, envs, time.perf_counter() - before, origin or {}, tell, base)
+    record = Record(settings, folder, envs, time.perf_counter() - before, origin or {}, report, base)
     run = _Run(record, tick)
     run.init_callback(model)
     if agent is not None:

@@ -1,12 +1,14 @@
-"""Gradient of the discounted return by recorded actions, through simulator, observation and policy. [Xu22], [Hee15]
+"""Gradient of the discounted return by recorded actions, through simulator, task and policy. [Xu22], [Hee15]
 
-Episodes run in the task's environment with all its disturbances. Cotangents go backwards along their recorded states by
-the adjoint of a simulator with the drawn parameters, which knows neither current nor lost thrusters. In calm water the
-gradient is that of the environment, in the storm it has a cosine of 0.98 with it.
+Episodes run in the task's environment with all its disturbances. Cotangents go backwards along their recorded frames:
+through observation, reward and forces by the derivatives of the task's kernels, through the physics by the adjoint of
+a simulator with the drawn parameters and the recorded current, which knows neither pushes nor lost thrusters. In calm
+water the gradient equals the environment's, in the storm it has a cosine of 0.98 with it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,21 +16,19 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from uvms_gym import Simulator
+from uvms_gym._core import Task
+from uvms_gym._task.jacobians import base_actions, base_vjp
 from uvms_gym.envs import TaskVectorEnv
-from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.networks import GAIN, Actor
-from uvms_gym.training.station_gradient import StationKeeping
-from uvms_gym.training.task_gradient import TaskGradient
-from uvms_gym.training.tracking_gradient import EndEffectorTracking
 
 Floats = NDArray[np.float64]
 
 #: Maximum gradient of an episode's window over the median: near divergence gradients grow without bound.
 OUTLYING = 3.0
-#: Tasks with derivatives.
-TASKS: dict[str, type[TaskGradient]] = {"station-keep": StationKeeping, "ee-track": EndEffectorTracking}
 #: Maximum step of the simulator, s, by a linearly implicit method.
 STEP = 0.1
+#: Actions are differentiated just within their bounds, where clipping has not set in.
+WITHIN = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,12 @@ class Windows:
     """Actions (H, b, a), not clipped."""
     alive: Tensor
     """True for steps up to the end of the episode (H, b)."""
-    ages: Tensor
-    """Age of measurements of each episode, control periods (b,)."""
+    states: Tensor
+    """States of the frames (H + 1, b, .)."""
+    memories: Tensor
+    """Memories of the frames (H + 1, b, .)."""
     factors: Tensor
-    """Drawn factors on each episode's parameters (b, k), those of `ReturnGradient.factors`."""
+    """Drawn factors on each episode's parameters (b, k): see `ReturnGradient.factors`."""
     by_end: Tensor | None = None
     """Gradient of the value beyond the last step by the last perfect observations (b, d)."""
 
@@ -63,22 +65,32 @@ class ReturnGradient:
     gamma : float
         Discount of a control period.
     posture : float
-        Price of joint coordinates away from home.
-
-    Raises
-    ------
-    ValueError
-        The environment has a task without derivatives, or actions other than wrenches.
+        Price of joint coordinates away from home, on top of the task's reward.
     """
 
     def __init__(self, envs: TaskVectorEnv, rows: int, gamma: float, posture: float = 0.0) -> None:
-        if envs.task not in TASKS:
-            raise ValueError(f"gradients of the return are known for {' and '.join(TASKS)}, not for {envs.task}")
-        self.task, self.gamma = TASKS[envs.task](envs, posture), gamma
-        self.substeps = int(np.ceil(self.task.period / STEP - 1e-9))
-        scene, dt = envs._native.scene, self.task.period / self.substeps
-        self.simulator = Simulator(scene, rows, dt=dt, integrator="ros2", threads=1)
+        options: Any = envs.options
+        # A task of its own: another thread may collect episodes of the environment.
+        arguments, keywords = envs._native.__getnewargs_ex__()
+        self.native = Task(*arguments, **{**keywords, "num_envs": 1})
+        self.gamma, self.posture = gamma, posture
+        self.residual = options.action == "residual"
+        period = self.native.control_period
+        self.substeps = int(np.ceil(period / STEP - 1e-9))
+        self.simulator = Simulator(self.native.scene, rows, dt=period / self.substeps, integrator="ros2", threads=1)
+        self.limits = np.asarray(self.simulator.thruster_limits)
+        self.joints = self.simulator.num_joints
+        blocks = {block.name: block for block in envs.layout}
+        #: Entries of joint coordinates in an observation, and their scales.
+        self.coordinates, self.scale = slice(0, 0), np.zeros(0)
+        if self.joints:
+            block = blocks["joint_position"]
+            self.coordinates, self.scale = block.slice, np.array(block.scale)
         self._names = tuple(self.simulator.parameters)
+
+    def posture_costs(self, perfect: Tensor) -> Tensor:
+        """Costs (..., T) of postures after each step, from perfect observations (..., T + 1, d)."""
+        return self.posture * perfect[..., 1:, self.coordinates].square().sum(dim=-1)
 
     def __call__(self, windows: Windows, pull: Callable[[int, Tensor], Tensor]) -> Tensor:
         """Gradients (H, b, a) of the returns from each action on.
@@ -87,89 +99,89 @@ class ReturnGradient:
         ----------
         windows : Windows
         pull : callable
-            Cotangent (b, h d) of the policy's input at step t from that of its action (b, a).
+            Cotangent (b, h d) of the policy's input at step t from the cotangent of its action (b, a).
         """
-        task, perfect = self.task, windows.perfect.numpy().astype(float)
-        parts, width, m = task.parts, len(task.scale), task.thrusters
-        raw, on = windows.actions.numpy().astype(float), windows.alive.numpy()[..., None]
-        (steps, rows, _), size = raw.shape, perfect.shape[-1]
-        history, ages, every = windows.inputs.shape[-1] // size, windows.ages.numpy(), np.arange(rows)
-        clipped, before = np.clip(raw, -1.0, 1.0), perfect[:-1, :, parts["previous_action"]]
-        # Cotangents are of the return from the first step on.
+        native, n, (s, w, c, d, a, _) = self.native, self.joints, self.native.gradient_widths
+        states, memories, raw = windows.states.numpy(), windows.memories.numpy(), windows.actions.numpy().astype(float)
+        on, (steps, rows, _) = windows.alive.numpy()[..., None], raw.shape
+        # The last row of a memory is the age of measurements, where they are late.
+        ages = memories[0, :, -1].astype(int) if native.delays[1] > 0 else np.zeros(rows, int)
+        every, history, fresh = np.arange(rows), windows.inputs.shape[-1] // d, (ages == 0).tolist()
+        clipped, observed = np.clip(raw, -WITHIN, WITHIN), windows.inputs[..., -d:].numpy()
+        base: Any = [None] * steps
+        if self.residual:
+            base = base_actions(native, observed.reshape(-1, d)).reshape(raw.shape)
+        frames = [x.reshape(-1, x.shape[-1]) for x in (memories[:-1], clipped, *([base] if self.residual else []))]
+        forces, targets = (x.reshape(steps, rows, -1) for x in native.forces(*frames))
+        # Cotangents, of the return from the first step on, of each frame: observation, reward, measurement, memory.
         weight = self.gamma ** np.arange(steps + 1.0)[:, None, None]
-        forces, by_action = task.forces(clipped)
-        by_force, by_change = weight[:-1] * task.by_force(forces), weight[:-1] * task.by_change(clipped - before)
-        states, (by_motion, by_coordinates) = task.states(perfect), task.geometry(perfect)
-        if self.simulator.state_size > 12 + 2 * task.joints:
-            # Thrusters with dynamics: derivatives hardly depend on the thrusts, which are not observed.
-            states["thrust"] = task.forces(before)[0][..., :m]
-        on_measured = np.zeros((steps + 1, rows, width))
-        on_measured[1:, :, :6] = weight[:-1] * task.by_pose(perfect[1:])
-        on_measured[1:, :, task.coordinates] += weight[:-1] * task.by_posture(perfect[1:])
-        on_integral = np.zeros((rows, 6))
         # Observations from before the windows have rows, too.
-        on_observation = np.zeros((steps + history, rows, size), dtype=np.float32)
-        on_reference = np.zeros_like(perfect[0, :, task.reference])
+        given = np.zeros((steps + history, rows, d + 1 + w + c))
+        on_observation, on_measurement = given[..., :d], given[history - 1 :, :, d + 1 : d + 1 + w]
+        given[history:, :, d] = (weight[:-1] * on)[..., 0]
+        postures = windows.perfect[1:, :, self.coordinates].numpy()
+        on_measurement[1:, :, 12 : 12 + n] = -2.0 * self.posture * weight[:-1] * on * postures / self.scale
         if windows.by_end is not None:
-            by_end = weight[-1] * on[-1] * windows.by_end.numpy()
-            on_measured[-1] += by_end[:, :width]
-            on_measured[-1, :, :6] += task.ahead(by_end)
-            on_reference += by_end[:, task.reference]
-            for name in ("previous_action", "error_integral"):
-                on_observation[-1, :, parts[name]] = by_end[:, parts[name]]
-        gradient, on_previous, on_state = np.empty_like(raw), 0.0, np.zeros((rows, self.simulator.state_size))
+            on_observation[-1] = weight[-1] * on[-1] * windows.by_end.numpy()
+        gradient, on_memory = np.empty_like(raw), np.zeros((rows, c))
+        on_state = np.zeros((rows, self.simulator.state_size))
         self.simulator.scale_parameters(**dict(zip(self._names, windows.factors.numpy().T, strict=True)))
         for t in reversed(range(steps)):
-            seen = on_observation[t + history].astype(float)
-            on_integral += seen[:, parts["error_integral"]]
-            known = ages <= t + 1
-            of = (t + 1 - ages[known], every[known])
-            measured = seen[:, :width]
-            measured[:, :6] += task.ahead(seen) + task.gain * on_integral
-            on_measured[of] += measured[known]
-            on_integral *= task.keep
-            on_reference += seen[:, task.reference]
-            on_pose = np.concatenate([on_measured[t + 1, :, :6], on_reference], axis=-1)
-            on_reference[:] = 0.0
-            on_motion = on_pose[:, None, :] @ by_motion[t + 1]
-            on_state[:, : 6 + task.joints] += (on_motion @ by_coordinates[t + 1])[:, 0]
-            task.measure(on_measured[t + 1], perfect[t + 1], on_state)
-            state = {name: values[t] for name, values in states.items()}
-            self.simulator.set_state(**state)
-            found = self.simulator.step_vjp(on_state * on[t], substeps=self.substeps, **task.inputs(forces[t], state))
-            on_state, on_force = found["state"], by_force[t]
-            on_force[:, :m] += found["thrust"]
-            if "joint_torque" in found:
-                on_force[:, m:] += found["joint_torque"]
-            on_action = np.einsum("bf,bfa->ba", on_force, by_action[t]) + by_change[t] + on_previous
-            on_action += seen[:, parts["previous_action"]]
+            # The critic sees the last observation.
+            given[t + history, :, d + 1 + w :] = on_memory
+            last = t + 1 == steps
+            found = native.evaluate_vjp(
+                states[t + 1, :, : s + 6], memories[t + 1], memories[t], fresh, given[t + history], perfect=last
+            )
+            on_state[:, :s] += found[:, :s]
+            known = (ages > 0) & (ages <= t + 1)
+            on_measurement[t + 1 - ages[known], every[known]] += found[known, s : s + w]
+            # An ended episode may have left a state that is none.
+            state = np.where(on[t], states[t], states[0])
+            inputs = self._set_state(state, states[t + 1, :, s + 6 : s + 12], forces[t], targets[t])
+            stepped = self.simulator.step_vjp(on_state * on[t], substeps=self.substeps, **inputs)
+            on_state = stepped["state"]
+            on_force = np.concatenate([stepped[name] for name in ("thrust", "joint_torque") if name in stepped], axis=1)
+            on_acted = np.concatenate([on_force, found[:, s + w :]], axis=1) * on[t]
+            acted = native.act_vjp(memories[t], clipped[t], on_acted, base[t])
+            on_action, on_base, on_memory = acted[:, :a], acted[:, a : 2 * a], acted[:, 2 * a :]
             # Beyond the limits only a way back counts.
-            on_action *= ((np.abs(raw[t]) < 1.0) | (on_action * raw[t] < 0.0)) & on[t]
-            on_previous = -by_change[t] * on[t]
+            on_action = on_action * ((np.abs(raw[t]) < 1.0) | (on_action * raw[t] < 0.0))
             gradient[t] = on_action / weight[t]
             if t > 0:
                 stack = pull(t, torch.from_numpy(on_action.astype(np.float32))).numpy()
-                on_observation[t : t + history] += stack.reshape(rows, history, size).transpose(1, 0, 2)
+                on_observation[t : t + history] += stack.reshape(rows, history, d).transpose(1, 0, 2)
+                if self.residual:
+                    on_observation[t + history - 1] += base_vjp(native, observed[t], on_base)
         size = np.nan_to_num(np.linalg.norm(gradient, axis=(0, 2)), nan=np.inf)
         gradient *= np.minimum(1.0, OUTLYING * np.median(size) / np.maximum(size, 1e-30))[:, None]
         return torch.from_numpy(np.nan_to_num(gradient).astype(np.float32))
+
+    def _set_state(self, state: Floats, flow: Floats, forces: Floats, targets: Floats) -> dict[str, Any]:
+        """Set the simulator to states and flow; returns inputs of the step."""
+        n, m, simulator = self.joints, len(self.limits), self.simulator
+        more: dict[str, Any] = {"q": state[:, 18 : 18 + n], "qd": state[:, 18 + n : 18 + 2 * n]} if n else {}
+        if simulator.state_size > 12 + 2 * n:
+            more["thrust"] = np.clip(state[:, -m:], *self.limits.T)
+        simulator.set_state(
+            rotation=state[:, :9].reshape(-1, 3, 3),
+            position=state[:, 9:12],
+            twist=state[:, 12:18],
+            current=flow[:, :3],
+            current_acceleration=flow[:, 3:],
+            **more,
+        )
+        inputs: dict[str, Any] = {"thrust": forces[:, :m]}
+        if forces.shape[1] > m:
+            inputs["joint_torque"] = forces[:, m:]
+        elif n:
+            inputs["joint_target"] = targets.reshape(-1, n, 4)
+        return inputs
 
     def factors(self, envs: TaskVectorEnv) -> Tensor:
         """Factors (n, k) on the parameters of all instances, as drawn for their episodes."""
         drawn = envs.snapshot().parameters
         return torch.from_numpy(np.stack([drawn[name] for name in self._names], axis=-1))
-
-    def ages(self, episodes: Episodes) -> Tensor:
-        """Ages of measurements (n,), control periods: those at which perfect observations come closest to them."""
-        (minimum, most), steps = self.task.ages, episodes.alive.shape[1]
-        width, first = len(self.task.scale), min(most, steps - 1)
-        seen = episodes.observations[:, episodes.history - 1 + first :, :width]
-        alive, distances = episodes.alive[:, first:, None], []
-        for age in range(minimum, most + 1):
-            past = max(first - age, 0)
-            apart = (seen - episodes.perfect[:, past : past + seen.shape[1], :width]) * alive
-            distances.append(apart.square().sum(dim=(1, 2)))
-        return minimum + torch.stack(distances).argmin(dim=0)
 
 
 def forward(actor: Actor, inputs: Tensor) -> tuple[Tensor, Callable[[int, Tensor], Tensor]]:

@@ -43,13 +43,13 @@ class Settings:
     env: str
     """Gymnasium's id of a UVMS environment."""
     hyperparameters: dict[str, Any]
-    """Hyperparameters in rl_zoo3's format: `n_timesteps`, `n_envs` and those of the algorithm."""
+    """Hyperparameters in rl_zoo3's format: `n_timesteps`, `n_envs` and the algorithm's."""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment."""
     seed: int = 0
     """Seed of the network and of batches; seeds of environments start at `SEED_STRIDE * (1 + seed)`."""
     base: str | None = None
-    """Name of a corrected controller; algorithm `ppo` alone."""
+    """Name of a corrected controller; algorithm `ppo` only."""
     limit: float = 0.3
     """Maximum correction."""
     eval_freq: int = 0
@@ -61,13 +61,13 @@ class Settings:
     num_threads: int = 1
     """Threads of torch and of the environment; -1: their defaults."""
     device: str = "cpu"
-    """Device of torch; algorithm `ppo` alone."""
+    """Device of torch; algorithm `ppo` only."""
     algo: str = "ppo"
     """One of `ALGORITHMS`."""
     teacher: str | None = None
-    """Name of the imitated classical controller; algorithm `distill` alone. None: that of the task."""
+    """Name of the imitated classical controller; algorithm `distill` only. None: the task's."""
     start: str | None = None
-    """File of the policy to begin with; algorithms `asymmetric-ppo` and `shac` alone. None: from scratch."""
+    """File of the policy to begin with; algorithms `asymmetric-ppo` and `shac` only. None: from scratch."""
 
     @property
     def steps(self) -> int:
@@ -81,7 +81,7 @@ class Settings:
 
     @property
     def kwargs(self) -> dict[str, Any]:
-        """Arguments of the environment, including those of the hyperparameters."""
+        """Arguments of the environment, including the hyperparameters' arguments."""
         threads = {} if self.num_threads < 0 else {"threads": self.num_threads}
         return {**threads, **self.hyperparameters.get("env_kwargs", {}), **self.env_kwargs}
 
@@ -138,7 +138,7 @@ class Record:
     begun: float
     """Instant of `time.perf_counter` at which the run would have begun without a stop."""
     origin: Mapping[str, str]
-    tell: Callable[[dict[str, Any]], object]
+    report: Callable[[dict[str, Any]], object]
     base: Controller | None = None
     curve: list[dict[str, Any]] = field(default_factory=list)
 
@@ -173,7 +173,7 @@ class Record:
         best = min((entry["pose"] for entry in self.curve), default=float("inf"))
         self.curve.append(found | {"episodes": settings.eval_episodes, "seed": SEED})
         write(self.folder / CURVE, json.dumps(self.curve, indent=1) + "\n")
-        self.tell(found)
+        self.report(found)
         return scores, found["pose"] < best
 
     def notes(self, steps: int, threads: int, more: Mapping[str, str]) -> dict[str, str]:
@@ -227,7 +227,7 @@ def interrupt_event() -> Iterator[threading.Event]:
 
 
 def latest_checkpoint(folder: Path) -> Path:
-    """Find the checkpoint of a run with the most steps; files that are not whole do not count.
+    """Find the checkpoint of a run with the most steps; incomplete files do not count.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def latest_checkpoint(folder: Path) -> Path:
 
 
 def _steps(path: Path) -> int:
-    """Steps of a checkpoint, by its name, or by its content where the name has none; -1 if the file is not whole."""
+    """Steps of a checkpoint, by its name, or by its content where the name has none; -1 if the file is incomplete."""
     try:
         with zipfile.ZipFile(path) as file:
             if file.testzip() is not None:

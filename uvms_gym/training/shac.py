@@ -12,7 +12,7 @@ from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
 from uvms_gym.training.run import Settings
 
-#: Bounds on the actor's learning rate, those of its factor in an iteration, and maximum norm of gradients.
+#: Bounds on the actor's learning rate and on its factor in an iteration, and maximum norm of gradients.
 RATES, FACTORS, NORM = (1e-5, 5e-3), (0.8, 1.25), 1.0
 #: Time steps at which the change of the actor is measured.
 PROBES = 1024
@@ -49,14 +49,14 @@ class ShacParameters(Hyperparameters):
 class Shac(Learner):
     """Actor that follows the gradient of its return over windows of episodes, with a critic's value at their end.
 
-    The episodes are those of the environment. Their states and actions are recorded, and the gradient is carried
+    Episodes run in the environment. Their states and actions are recorded, and the gradient is carried
     backwards along them by `ReturnGradient`. The size of a step follows the change of actions: an actor that changes
     too fast begins to oscillate, and gradients through an oscillation say little.
 
     Raises
     ------
     ValueError, TypeError, OSError, gymnasium.error.Error
-        A setting is unknown or out of range, the task has no derivatives, or the initial policy does not fit.
+        A setting is unknown or out of range, or the initial policy does not fit.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -83,7 +83,7 @@ class Shac(Learner):
 
     @property
     def horizon(self) -> int:
-        """Steps of each episode in the next iteration: whole windows."""
+        """Steps of each episode in the next iteration: complete windows."""
         window = self.parameters.horizon
         return max(super().horizon // window, 1) * window
 
@@ -91,13 +91,13 @@ class Shac(Learner):
         """Run episodes with noise on the actions; returns the drawn factors (n, k) on parameters, too."""
         shape = (self.num_envs, steps, self.envs.actions)
         noise = self.parameters.noise * torch.randn(shape, generator=self.generator(iteration, "collect"))
-        episodes = self.envs.run(self.seeds(iteration), actor.network(self.settings.history), noise)
+        episodes = self.envs.run(self.seeds(iteration), actor.network(self.settings.history), noise, frames=True)
         return episodes, self.gradient.factors(self.envs.inner)
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
-        """Fit the critic, and improve the actor by as many windows as there are."""
+        """Fit the critic, and improve the actor by all windows."""
         given, alive = self.parameters, episodes.alive
-        critic, ages = copy.deepcopy(self.critic), self.gradient.ages(episodes)
+        critic = copy.deepcopy(self.critic)
         batches = _batches(int(alive.sum()), given.batch_size * given.horizon, generator)
         fit = self._threads.submit(self._fit, episodes, self._returns(episodes), alive.nonzero().T, batches)
         instances, starts = alive[:, :: given.horizon].nonzero().T
@@ -107,7 +107,7 @@ class Shac(Learner):
             updates = _prioritized(costs[instances], given.priority, updates.shape, generator)
         for chosen in updates:
             places = instances[chosen], given.horizon * starts[chosen]
-            self._improve(self._windows(episodes, more, *places, ages, critic))
+            self._improve(self._windows(episodes, more, *places, critic))
         fit.result()
         self._adapt(episodes, len(updates), generator)
 
@@ -127,10 +127,10 @@ class Shac(Learner):
         factors: Tensor,
         instances: Tensor,
         first: Tensor,
-        ages: Tensor,
         critic: nn.Module,
     ) -> Windows:
         """Windows of these instances from these steps on."""
+        assert episodes.states is not None and episodes.memories is not None
         steps = first + torch.arange(self.parameters.horizon + 1)[:, None]
         now = steps[:-1]
         perfect = episodes.perfect[instances, steps]
@@ -141,7 +141,8 @@ class Shac(Learner):
             perfect=perfect,
             actions=episodes.actions[instances, now],
             alive=episodes.alive[instances, now],
-            ages=ages[instances],
+            states=episodes.states[instances, steps],
+            memories=episodes.memories[instances, steps],
             factors=factors[instances],
             by_end=by_end * ~episodes.terminated[instances, now[-1]][:, None],
         )
@@ -156,7 +157,7 @@ class Shac(Learner):
         given, goes_on = self.parameters, (~episodes.terminated).float()
         with torch.no_grad():
             values = self.critic(episodes.perfect)
-        rewards = episodes.rewards - self.gradient.task.posture_costs(episodes.perfect)
+        rewards = episodes.rewards - self.gradient.posture_costs(episodes.perfect)
         returns, last = torch.empty_like(rewards), values[:, -1]
         for t in reversed(range(returns.shape[1])):
             beyond = torch.lerp(values[:, t + 1], last, given.td_lambda)

@@ -1,16 +1,28 @@
 //! The task around the physics of a few instances, on one thread.
 
-use super::autoreset::Autoreset;
 use super::episode_slot::EpisodeSlot;
 use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
 use super::outputs::{Final, Outputs, Transition};
-use super::payload::apply_payload_event;
 use crate::batch::stepping::chunk::{CHUNK, PhysicsChunk};
+use crate::batch::storage::layout::Layout;
 use crate::control::Controller;
+use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
 use crate::system::{Flow, State};
-use crate::task::disturbance::{Column, DisturbanceKernel};
-use crate::task::{Episode, EpisodeKey, StartOverride, Task, TaskDefinition, TaskKernel, privileged};
+use crate::task::disturbance::{Column, DisturbanceKernel, PayloadEvent, grasp_impulse};
+use crate::task::{Episode, EpisodeKey, EpisodeRows, StartOverride, Task, TaskDefinition, TaskKernel, privileged};
+
+/// Handling of instances whose episode is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Autoreset {
+    /// The next step ignores the action and starts the next episode: its first observation, reward 0.
+    #[default]
+    NextStep,
+    /// The same step starts the next episode; the last observation and metrics are in [`Transition::finals`].
+    SameStep,
+    /// The instance waits for [`TaskBatch::reset`](super::TaskBatch::reset).
+    Disabled,
+}
 
 /// Rules for the ends of episodes.
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +93,28 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
             let block = &mut self.episodes[k / T::BLOCK * size..][..size];
             let mut memory = Column::of_block(block, k % T::BLOCK);
             disturbance.advance(&mut memory, slot.key, slot.step);
-            apply_payload_event(self.context.task, disturbance, &mut memory, (slot.key, slot.step), self.part, k);
+            let Some(event) = disturbance.payload_event(&memory, slot.step) else { continue };
+            let mut factors = self.part.table.factors(self.part.rows, k);
+            match event {
+                PayloadEvent::Grasp(mass) => {
+                    let task = self.context.task;
+                    let own = task.scene_draws().map(|draws| draws.draw(slot.key).0);
+                    let scene = own.as_ref().unwrap_or(task.scene());
+                    // A scene that composes with its own masses does so with scaled ones.
+                    if let Ok(model) = ClosedFormModel::new(&scene.varied(factors.of_bodies())) {
+                        let mut state = self.part.table.state(self.part.rows, k);
+                        grasp_impulse(&model, &mut state, mass);
+                        self.part.set_velocities(k, &state);
+                    }
+                    factors.payload += mass;
+                    disturbance.hold(&mut memory, mass);
+                }
+                PayloadEvent::Release(mass) => {
+                    factors.payload = (factors.payload - mass).max(0.0);
+                    disturbance.hold(&mut memory, 0.0);
+                }
+            }
+            self.part.set_factors(k, &factors);
         }
     }
 
@@ -156,6 +189,12 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: true, out });
     }
 
+    /// States and memories of the instances: see [`super::TaskBatch::frames`].
+    pub fn frames(&self) -> [Vec<f32>; 2] {
+        let (layout, count) = (&self.part.table.layout, self.slots.len());
+        frames(layout, self.part.rows, self.kernel.rows(), self.episodes, count)
+    }
+
     fn blocks(&mut self) -> Blocks<'_, T, K> {
         Blocks {
             kernel: self.kernel,
@@ -164,6 +203,39 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
             episodes: &mut *self.episodes,
         }
     }
+}
+
+/// States and memories of `count` instances in blocks: see [`super::TaskBatch::frames`].
+pub(super) fn frames<T: Real>(
+    layout: &Layout,
+    physics: &[T],
+    rows: &EpisodeRows,
+    episodes: &[T],
+    count: usize,
+) -> [Vec<f32>; 2] {
+    let states = [
+        (layout.rotation, 9),
+        (layout.position, 3),
+        (layout.twist, 6),
+        (layout.q, layout.joints),
+        (layout.qd, layout.joints),
+        (layout.current, 3),
+        (layout.acceleration, 3),
+        (layout.thrust, layout.thrusters),
+    ];
+    [gather(physics, layout.rows, &states, count), gather(episodes, rows.rows, &[(0, rows.recorded())], count)]
+}
+
+/// Numbers of `count` instances, (count, .), in runs of rows (first, count) of blocks of `rows` rows.
+fn gather<T: Real>(blocks: &[T], rows: usize, runs: &[(usize, usize)], count: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(count * runs.iter().map(|(_, count)| count).sum::<usize>());
+    for i in 0..count {
+        let (block, lane) = (&blocks[i / T::BLOCK * rows * T::BLOCK..], i % T::BLOCK);
+        for &(first, count) in runs {
+            out.extend((first..first + count).map(|row| block[row * T::BLOCK + lane].to_f64() as f32));
+        }
+    }
+    out
 }
 
 /// Numbers of instance `i` in blocks of `rows` rows.

@@ -6,22 +6,40 @@ use crate::error::ControlError;
 use crate::lane::Real;
 use crate::task::{TaskDefinition, TaskKernel};
 
+/// Instances of one chunk at their current control instant.
+pub(super) trait Present {
+    /// Writes perfect observations, (n, d).
+    fn perfect(&mut self, to: &mut [f32]);
+    /// States and memories, (n, .): see [`super::TaskBatch::frames`].
+    fn frames(&self) -> [Vec<f32>; 2];
+}
+
+impl<T: Real, K: TaskDefinition> Present for Chunk<'_, '_, T, K> {
+    fn perfect(&mut self, to: &mut [f32]) {
+        self.observe_perfect(to);
+    }
+
+    fn frames(&self) -> [Vec<f32>; 2] {
+        self.frames()
+    }
+}
+
 /// Policy of the instances of one chunk, and records of their control periods.
 pub(super) trait LoopPart: Send {
     /// Sets the actions (n, a) of control period `t` from observations (n, d); false ends the loop. `running` is true for
-    /// instances whose episode is not over, `perfect` writes perfect observations.
+    /// instances whose episode is not over.
     fn act(
         &mut self,
         t: usize,
         running: &[bool],
         observations: &[f32],
-        perfect: &mut dyn FnMut(&mut [f32]),
+        present: &mut dyn Present,
         actions: &mut [f32],
     ) -> Result<bool, ControlError>;
     /// Records the results of control period `t`.
     fn record(&mut self, t: usize, running: &[bool], out: &Outputs<'_>);
     /// Ends the loop after its last control period.
-    fn end(&mut self, _perfect: &mut dyn FnMut(&mut [f32])) {}
+    fn end(&mut self, _present: &mut dyn Present) {}
 }
 
 /// Runs the instances of a chunk, whose rules have no autoreset: ended episodes stay as they are.
@@ -39,14 +57,13 @@ pub(super) fn run<T: Real, K: TaskDefinition>(
         for (running, slot) in running.iter_mut().zip(&*chunk.slots) {
             *running = !slot.over;
         }
-        let perfect = &mut |to: &mut [f32]| chunk.observe_perfect(to);
-        if !part.act(t, &running, &transition.observations, perfect, &mut actions)? {
+        if !part.act(t, &running, &transition.observations, chunk, &mut actions)? {
             return Ok(());
         }
         let mut out = transition.outputs();
         chunk.step(&actions, &mut out, &mut Vec::new());
         part.record(t, &running, &out);
     }
-    part.end(&mut |to| chunk.observe_perfect(to));
+    part.end(chunk);
     Ok(())
 }

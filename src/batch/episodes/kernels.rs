@@ -9,12 +9,11 @@ use crate::lane::{Kernel, Lane, Real, Routine, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, JOINTS};
 use crate::task::disturbance::Forcing;
-use crate::task::{Command, Evaluation, METRICS, PREVIEW, StageState, TaskDefinition, TaskKernel};
+use crate::task::observation::LONGEST;
+use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, TaskDefinition, TaskKernel};
 
 /// Maximum number of lanes.
 const WIDEST: usize = 16;
-/// Maximum number of entries of an observation.
-const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 
 /// Blocks of instances, and their episodes' numbers.
 pub(super) struct Blocks<'a, T: Real, K: TaskDefinition> {
@@ -44,7 +43,7 @@ impl<T: Real, K: TaskDefinition> Blocks<'_, T, K> {
 
 /// State of a group of instances.
 #[inline(always)]
-fn stage_state<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) -> StageState<L> {
+fn stage_state<L: Lane>(layout: &Layout, physics: &Rows<'_, L::Real>) -> StageState<L> {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = physics.get_all(layout.rotation);
     let rotation = Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]);
     let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
@@ -80,34 +79,30 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
             Some(_) => [0..layout.common, 0..rows.rows],
             None => [layout.wrench..layout.target + 4 * layout.joints, rows.first_for_action()..rows.integral],
         };
-        let mut page = [0.0; ACTIONS * WIDEST];
+        let mut scratch = [0.0; ACTIONS * WIDEST];
         // Zeroed once, not for each group: most of these numbers belong to no thruster and no joint.
         let (mut action, mut base, mut command) = ([L::zero(); ACTIONS], [L::zero(); ACTIONS], Command::none());
         let mut forcing = Forcing::none();
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
-            read(&self.actions[first * width..], lanes, width, &mut page, &mut action);
+            read(&self.actions[first * width..], lanes, width, &mut scratch, &mut action);
             if let Some(given) = self.base {
-                read(&given[first * width..], lanes, width, &mut page, &mut base);
+                read(&given[first * width..], lanes, width, &mut scratch, &mut base);
             }
             let (mut physics, mut memory) = self.blocks.group::<L>(first, &needed);
             kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
             if let Some(disturbance) = kernel.disturbance() {
-                let state = stage_state::<T, L>(layout, &physics);
+                let state = stage_state::<L>(layout, &physics);
                 disturbance.pass_period(&mut memory, &state.pose, &state.twist, rows.current, &mut forcing);
                 for k in 0..layout.thrusters {
                     physics.set(layout.loss + k, L::c(1.0) - forcing.gains[k]);
                 }
-                if disturbance.weakens() && layout.thrusters == 0 {
+                if disturbance.places().thrusters.is_some() && layout.thrusters == 0 {
                     kernel.scale_thrusts(&forcing, &mut command.actuated);
                 }
-                if disturbance.flows() {
-                    physics.set_all(layout.current, &forcing.velocity.0);
-                }
-                if disturbance.accelerates() {
-                    physics.set_all(layout.acceleration, &forcing.acceleration.0);
-                }
+                physics.set_all(layout.current, &forcing.velocity.0);
+                physics.set_all(layout.acceleration, &forcing.acceleration.0);
                 disturbing = forcing.wrench;
             }
             if layout.thrusters > 0 {
@@ -133,24 +128,24 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
     }
 }
 
-/// Loads rows (lanes, width) of actions into lanes; `page` is scratch memory.
+/// Loads rows (lanes, width) of actions into lanes; `scratch` is working memory.
 #[inline(always)]
 fn read<L: Lane>(
     rows: &[f32],
     lanes: usize,
     width: usize,
-    page: &mut [f32; ACTIONS * WIDEST],
+    scratch: &mut [f32; ACTIONS * WIDEST],
     entries: &mut [L; ACTIONS],
 ) {
     if lanes == L::LANES {
-        transpose(rows, width, page, L::LANES, [L::LANES, width]);
+        transpose(rows, width, scratch, L::LANES, [L::LANES, width]);
     } else {
         let mut some = [0.0; ACTIONS * WIDEST];
         some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
-        transpose(&some, width, page, L::LANES, [L::LANES, width]);
+        transpose(&some, width, scratch, L::LANES, [L::LANES, width]);
     }
     for k in 0..width {
-        entries[k] = L::load_single(&page[k * L::LANES..]);
+        entries[k] = L::load_single(&scratch[k * L::LANES..]);
     }
 }
 
@@ -170,27 +165,26 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for EvaluateKernel<'_, '_, T, K> {
         let kernel = self.blocks.kernel;
         let (count, width) = (self.out.len(), kernel.observation_len());
         let needed = [0..layout.time, 0..kernel.rows().rows];
-        let mut page = [0.0; LONGEST * WIDEST];
+        let mut scratch = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let (physics, mut memory) = self.blocks.group::<L>(first, &needed);
-            let state = stage_state::<T, L>(layout, &physics);
+            let state = stage_state::<L>(layout, &physics);
             kernel.advance::<L>(&mut memory);
-            let error = kernel.error(&memory, &state);
-            let share = L::c(1.0) / L::load(&self.counts[first..]);
-            let evaluation = kernel.evaluate(&mut memory, &state, &error, share);
+            let mut at = ControlInstant::new(kernel, memory, &state);
+            let evaluation = at.evaluate(L::c(1.0) / L::load(&self.counts[first..]));
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
             if L::LANES == 1 {
                 // The entries of a single instance are in order already.
-                kernel.observe(&memory, &state, &error, rows);
+                at.observe(rows);
             } else {
-                kernel.observe(&memory, &state, &error, &mut page);
+                at.observe(&mut scratch);
                 prefetch_after::<L, _>(&rows[..lanes * width], lanes * width);
                 if lanes == L::LANES {
-                    transpose(&page, L::LANES, rows, width, [width, L::LANES]);
+                    transpose(&scratch, L::LANES, rows, width, [width, L::LANES]);
                 } else {
                     let mut all = [0.0; LONGEST * WIDEST];
-                    transpose(&page, L::LANES, &mut all, width, [width, L::LANES]);
+                    transpose(&scratch, L::LANES, &mut all, width, [width, L::LANES]);
                     rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
                 }
             }
@@ -260,7 +254,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
         let kernel = self.blocks.kernel;
         let (count, width) = (self.chosen.len(), kernel.observation_len());
         let metrics = if self.out.info[0].is_empty() { 0 } else { METRICS + K::METRICS.len() };
-        let mut page = [0.0; LONGEST * WIDEST];
+        let mut scratch = [0.0; LONGEST * WIDEST];
         let mut all = [0.0; WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
@@ -273,16 +267,12 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
                 continue;
             }
             let (physics, memory) = self.blocks.group::<L>(first, &[0..0, 0..0]);
-            let state = stage_state::<T, L>(layout, &physics);
-            let error = kernel.error(&memory, &state);
-            let measured = if self.perfect {
-                kernel.true_values(&memory, &state, &error)
-            } else {
-                kernel.measured(&memory, &state, &error)
-            };
-            kernel.observe_as(&memory, &state, &error, &measured, &mut page);
+            let state = stage_state::<L>(layout, &physics);
+            let at = ControlInstant::new(kernel, memory, &state);
+            let measured = if self.perfect { at.true_values() } else { at.measured() };
+            at.observe_as(&measured, &mut scratch);
             if metrics > 0 {
-                let evaluation = kernel.current_metrics(&memory, &state, &error);
+                let evaluation = at.current_metrics();
                 let common = evaluation.metrics.to_array();
                 for k in 0..metrics {
                     let x = if k < METRICS { common[k] } else { evaluation.own[k - METRICS] };
@@ -298,7 +288,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
                 if chosen[lane] {
                     let row = &mut self.out.observations[(first + lane) * width..][..width];
                     for k in 0..width {
-                        row[k] = page[k * L::LANES + lane];
+                        row[k] = scratch[k * L::LANES + lane];
                     }
                 }
             }

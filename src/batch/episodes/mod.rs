@@ -1,12 +1,10 @@
 //! Episodes of a task, many at a time.
 
-mod autoreset;
 mod chunk;
 mod closed_loop;
 mod episode_slot;
 mod kernels;
 mod outputs;
-mod payload;
 mod recording;
 mod rollout;
 mod storage;
@@ -24,7 +22,7 @@ use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::task::disturbance::Profile;
 use crate::task::{Episode, EpisodeKey, Pose, SceneDraws, StartOverride, Task, TaskOptions, dispatch_task, privileged};
-pub use autoreset::Autoreset;
+pub use chunk::Autoreset;
 use chunk::{Context, Rules};
 use closed_loop::LoopPart;
 use episode_slot::EpisodeSlot;
@@ -307,6 +305,23 @@ impl TaskBatch {
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
         let context = Context { task: &self.task, rules, base: self.base.as_deref() };
         Ok(self.storage.run(&mut self.simulator, &mut self.slots, context, steps, parts)?)
+    }
+
+    /// Frames of all instances, for gradients: memories (N, .), and states (N, .) with rotation by rows (9), position, twist, joint
+    /// coordinates and rates, current, its acceleration, and thrusts of thrusters with dynamics.
+    pub fn frames(&mut self) -> [Vec<f32>; 2] {
+        self.storage.frames(&mut self.simulator)
+    }
+
+    /// Numbers of entries of a frame's state and memory.
+    pub fn frame_widths(&self) -> [usize; 2] {
+        let widths = self.task.gradient().widths();
+        [widths.state_numbers() + 6 + self.simulator.state_size() - widths.state, widths.rows]
+    }
+
+    /// Controller that residual actions correct.
+    pub fn base(&self) -> Option<Arc<dyn Controller>> {
+        self.base.clone()
     }
 
     /// Refuses a controller for other observations or actions.

@@ -1,7 +1,7 @@
 //! Recordings for training: episodes under a network whose actions have noise, with perfect observations and, if asked
 //! for, a teacher's actions on these.
 
-use super::closed_loop::LoopPart;
+use super::closed_loop::{LoopPart, Present};
 use super::outputs::{Outputs, split};
 use crate::batch::stepping::chunk::CHUNK;
 use crate::control::{Controller, Mlp};
@@ -26,6 +26,8 @@ pub struct Recorder<'a> {
     pub noise: &'a [f32],
     /// Teacher, if any.
     pub teacher: Option<Teacher<'a>>,
+    /// Number of entries of a frame's state and memory where frames are recorded: see [`super::TaskBatch::frames`].
+    pub frames: [usize; 2],
 }
 
 /// The first T control periods of an episode of each of N instances.
@@ -45,6 +47,8 @@ pub struct Recording {
     pub terminated: Vec<bool>,
     /// Actions of the teacher, (N, T, a); empty without one.
     pub targets: Vec<f32>,
+    /// States and memories, after the last period too, (N, T + 1, .); empty where none are recorded.
+    pub frames: [Vec<f32>; 2],
 }
 
 impl Recording {
@@ -60,6 +64,7 @@ impl Recording {
             alive: vec![false; rows],
             terminated: vec![false; rows],
             targets: if recorder.teacher.is_some() { vec![0.0; recorder.noise.len()] } else { Vec::new() },
+            frames: recorder.frames.map(|width| vec![0.0; (n + rows) * width]),
         }
     }
 
@@ -72,6 +77,7 @@ impl Recording {
         let (mut perfect, mut actions) = (&mut self.perfect[..], &mut self.actions[..]);
         let (mut rewards, mut alive) = (&mut self.rewards[..], &mut self.alive[..]);
         let (mut terminated, mut targets) = (&mut self.terminated[..], &mut self.targets[..]);
+        let [mut states, mut memories] = self.frames.each_mut().map(|frames| &mut frames[..]);
         let sizes = (0..n).step_by(CHUNK).map(|first| CHUNK.min(n - first));
         let part = |m: usize| {
             let memory = recorder.teacher.map_or(0, |teacher| teacher.controller.widths().memory);
@@ -85,6 +91,10 @@ impl Recording {
                 alive: split(&mut alive, m * steps),
                 terminated: split(&mut terminated, m * steps),
                 targets: split(&mut targets, if recorder.teacher.is_some() { m * steps * a } else { 0 }),
+                frames: [
+                    split(&mut states, m * (steps + 1) * recorder.frames[0]),
+                    split(&mut memories, m * (steps + 1) * recorder.frames[1]),
+                ],
                 now: vec![0.0; m * d],
                 inputs: vec![0.0; m * (before + 1) * d],
                 memory: vec![0.0; m * memory],
@@ -111,6 +121,7 @@ struct RecordingChunk<'a> {
     alive: &'a mut [bool],
     terminated: &'a mut [bool],
     targets: &'a mut [f32],
+    frames: [&'a mut [f32]; 2],
     /// Perfect observations of the present control instant.
     now: Vec<f32>,
     /// Stacked observations of the actor.
@@ -119,13 +130,27 @@ struct RecordingChunk<'a> {
     memory: Vec<f64>,
 }
 
+impl RecordingChunk<'_> {
+    /// Records perfect observations and, if asked for, frames before control period `t`.
+    fn record_present(&mut self, t: usize, present: &mut dyn Present) {
+        let at = [t, self.steps + 1];
+        present.perfect(&mut self.now);
+        put(&self.now, self.perfect, self.recorder.actor.widths().observation, at);
+        if self.recorder.frames != [0, 0] {
+            for ((from, to), width) in present.frames().iter().zip(&mut self.frames).zip(self.recorder.frames) {
+                put(from, to, width, at);
+            }
+        }
+    }
+}
+
 impl LoopPart for RecordingChunk<'_> {
     fn act(
         &mut self,
         t: usize,
         running: &[bool],
         observations: &[f32],
-        perfect: &mut dyn FnMut(&mut [f32]),
+        present: &mut dyn Present,
         actions: &mut [f32],
     ) -> Result<bool, ControlError> {
         if interrupt::requested() {
@@ -134,8 +159,7 @@ impl LoopPart for RecordingChunk<'_> {
         let Recorder { actor, teacher, .. } = self.recorder;
         let (steps, before, widths) = (self.steps, before(actor), actor.widths());
         let (a, d) = (widths.action, widths.observation);
-        perfect(&mut self.now);
-        put(&self.now, self.perfect, d, [t, steps + 1]);
+        self.record_present(t, present);
         put(observations, self.observations, d, [before + t, before + steps]);
         if let Some(Teacher { controller, .. }) = teacher {
             controller.act(&self.now, &mut self.memory, actions)?;
@@ -168,9 +192,8 @@ impl LoopPart for RecordingChunk<'_> {
         }
     }
 
-    fn end(&mut self, perfect: &mut dyn FnMut(&mut [f32])) {
-        perfect(&mut self.now);
-        put(&self.now, self.perfect, self.recorder.actor.widths().observation, [self.steps, self.steps + 1]);
+    fn end(&mut self, present: &mut dyn Present) {
+        self.record_present(self.steps, present);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rollouts: episodes under a controller, with statistics and records.
 
-use super::closed_loop::LoopPart;
+use super::closed_loop::{LoopPart, Present};
 use super::outputs::{Outputs, split};
 use crate::batch::stepping::chunk::CHUNK;
 use crate::control::Controller;
@@ -125,7 +125,7 @@ impl LoopPart for RolloutChunk<'_> {
         _t: usize,
         running: &[bool],
         observations: &[f32],
-        _perfect: &mut dyn FnMut(&mut [f32]),
+        _present: &mut dyn Present,
         actions: &mut [f32],
     ) -> Result<bool, ControlError> {
         if !running.contains(&true) {

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::chunk::{Chunk, Context, column, set_column};
+use super::chunk::{Chunk, Context, column, frames, set_column};
 use super::closed_loop::{self, LoopPart};
 use super::episode_slot::EpisodeSlot;
 use super::kernels;
@@ -38,6 +38,8 @@ pub(super) trait TaskStorage: Send + Sync {
     ) -> Result<(), ControlError>;
     /// Observations, with perfect sensors if asked for, and metrics of all instances at their current control instant.
     fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>);
+    /// States and memories of all instances: see [`super::TaskBatch::frames`].
+    fn frames(&mut self, simulator: &mut Simulator) -> [Vec<f32>; 2];
     /// Numbers of the episode of instance `i`.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets them.
@@ -138,6 +140,12 @@ impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
         let blocks = kernels::Blocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
         T::dispatch(isa, &mut kernels::ObserveKernel { blocks, chosen: &all, perfect, out });
+    }
+
+    fn frames(&mut self, simulator: &mut Simulator) -> [Vec<f32>; 2] {
+        let instances = simulator.instances();
+        let (layout, _, physics) = simulator.blocks::<T>().parts();
+        frames(layout, physics, self.kernel.rows(), &self.episodes, instances)
     }
 
     fn column(&self, i: usize) -> Vec<f64> {

@@ -2,10 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::component::Component;
+use super::context::DisturbanceContext;
 use super::span::check;
 use crate::error::TaskError;
 
-/// Factors on the arm's reference. It keeps to the joints' limits and speeds for all of them.
+/// Factors on the arm's reference, which stays within the joints' limits and speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArmMotion {
@@ -21,8 +23,10 @@ impl Default for ArmMotion {
     }
 }
 
-impl ArmMotion {
-    pub(super) fn check(&self) -> Result<(), TaskError> {
+impl Component for ArmMotion {
+    const RESERVED: bool = false;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
         check("arm.amplitude", self.amplitude, 0.0, 10.0)?;
         check("arm.speed", self.speed, 0.0, 10.0)
     }

@@ -10,7 +10,7 @@ use crate::description::Scene;
 pub struct DisturbanceContext {
     /// Control period, s.
     pub period: f64,
-    /// Maximum thrust along the weakest body axis that can be actuated alone, N: the reference of forces given as
+    /// Maximum thrust along the weakest body axis that can be actuated by itself, N: the reference of forces given as
     /// shares.
     pub thrust: f64,
     /// Root mean square distance of the thrusters from the vehicle's origin, m.

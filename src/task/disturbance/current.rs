@@ -4,13 +4,13 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place, QUAD, normal_pair};
 use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie;
-use crate::task::EpisodeKey;
-use crate::task::random::{Purpose, Stream};
+use crate::task::random::Stream;
 
 /// Maximum speed of the water, m/s.
 pub(super) const FASTEST: f64 = 5.0;
@@ -39,11 +39,6 @@ impl SteadyCurrent {
         Self { speed: Span::of(0.0, speed), elevation: 0.25 }
     }
 
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        self.speed.check("current.speed", 0.0, FASTEST)?;
-        check("current.elevation", self.elevation, 0.0, STEEPEST)
-    }
-
     /// Its velocity in world axes, m/s.
     pub(in crate::task) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> Vector3<f64> {
         let azimuth = draw.uniform_in(0, 0.0, std::f64::consts::TAU);
@@ -54,8 +49,20 @@ impl SteadyCurrent {
     }
 }
 
+impl Component for SteadyCurrent {
+    const RESERVED: bool = false;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        self.speed.check("current.speed", 0.0, FASTEST)?;
+        check("current.elevation", self.elevation, 0.0, STEEPEST)
+    }
+}
+
+/// Draws reserved at the start of a drift's stream; the draws of control periods follow.
+const FIRST: u32 = 16;
+
 /// A drifting current: in each direction a Gauss-Markov process, `x' = -x / time + noise`, discretised exactly. It is
-/// held over each control period.
+/// constant over each control period.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Drift {
@@ -75,15 +82,9 @@ impl Default for Drift {
 
 impl Drift {
     /// Rows in level axes: velocity (3), its decay per period, deviation of the increments (horizontal, vertical).
-    pub(super) const ROWS: usize = 6;
+    const STATE: usize = 6;
 
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        self.deviation.check("drift.deviation", 0.0, 1.0)?;
-        self.time.check("drift.time", 1e-3, 1e6)?;
-        check("drift.vertical", self.vertical, 0.0, 10.0)
-    }
-
-    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::ROWS] {
+    fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::STATE] {
         let (deviation, time) = (self.deviation.at(draw.uniform(0)), self.time.at(draw.uniform(1)));
         let keep = (-context.period / time).exp();
         // 1 - keep^2, without cancellation.
@@ -92,19 +93,43 @@ impl Drift {
         let vertical = self.vertical;
         [at(0, deviation), at(1, deviation), at(2, vertical * deviation), keep, kick, vertical * kick]
     }
+}
 
-    /// Its velocity in level axes, m/s.
-    #[inline(always)]
-    pub(super) fn velocity<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize) -> lie::Vector3<L> {
-        lie::Vector3(memory.get_all(row))
+impl Component for Drift {
+    const STREAM: u32 = 32;
+    /// The state, then uniform draws of a control period.
+    const ROWS: usize = Self::STATE + QUAD;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        self.deviation.check("drift.deviation", 0.0, 1.0)?;
+        self.time.check("drift.time", 1e-3, 1e6)?;
+        check("drift.vertical", self.vertical, 0.0, 10.0)
     }
 
-    /// Advances by a period with these three normal numbers.
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
+        memory.set_all(at.row, self.draw(draw, context));
+    }
+
+    fn renew<T: Real>(memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, step, .. } = *draws;
+        memory.set_all(at.row + Self::STATE, draw.quad(step.wrapping_add(FIRST)));
+    }
+
     #[inline(always)]
-    pub(super) fn pass<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize, normal: [L; 3]) {
-        let [x, y, z, keep, kick, lift]: [L; Self::ROWS] = memory.get_all(row);
-        let next = [x * keep + kick * normal[0], y * keep + kick * normal[1], z * keep + lift * normal[2]];
-        memory.set_all(row, &next);
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let [x, y, z]: [L; 3] = memory.get_all(at.row);
+        let [forward, left, up] = *moment.level;
+        forcing.velocity = forward.scale_add(x, left.scale_add(y, up.scale_add(z, forcing.velocity)));
+    }
+
+    #[inline(always)]
+    fn end_period<L: Lane>(memory: &mut Rows<'_, L::Real>, at: Place) {
+        let [a, b, c, d]: [L; QUAD] = memory.get_all(at.row + Self::STATE);
+        let ([nx, ny], [nz, _]) = (normal_pair([a, b]), normal_pair([c, d]));
+        let [x, y, z, keep, kick, lift]: [L; Self::STATE] = memory.get_all(at.row);
+        let next = [x * keep + kick * nx, y * keep + kick * ny, z * keep + lift * nz];
+        memory.set_all(at.row, &next);
     }
 }
 
@@ -140,37 +165,6 @@ impl Default for Gust {
 }
 
 impl Gust {
-    /// Times in control periods: start of rise and of fall, one over the rise; velocity (3); reversal (0 or 1); number
-    /// of gusts so far. Then the ranges of the next one: speed, duration and pause (2 each), elevation.
-    pub(super) const ROWS: usize = 15;
-
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        self.speed.check("gust.speed", 0.0, FASTEST)?;
-        check("gust.rise", self.rise, 0.0, 1e4)?;
-        self.duration.check("gust.duration", 0.0, 1e6)?;
-        self.pause.check("gust.pause", 0.0, 1e6)?;
-        check("gust.elevation", self.elevation, 0.0, STEEPEST)
-    }
-
-    pub(super) fn begin<T: Real>(
-        &self,
-        memory: &mut Column<'_, T>,
-        row: usize,
-        draw: &Stream,
-        context: &DisturbanceContext,
-    ) {
-        let [minimum, longest] = self.duration.in_periods(context.period);
-        let [soon, late] = self.pause.in_periods(context.period);
-        // At least a period; shorter times are steps.
-        let rise = 1.0 / (self.rise / context.period).max(1.0);
-        memory.set(row + 2, rise);
-        memory.set(row + 6, f64::from(u8::from(self.turns)));
-        memory.set(row + 7, 0.0);
-        let Span { low, high } = self.speed;
-        memory.set_all(row + 8, [low, high, minimum, longest, soon, late, self.elevation]);
-        Self::draw(memory, row, 0.0, draw, context);
-    }
-
     /// Draws the next gust, after the time `now`.
     fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, context: &DisturbanceContext) {
         let [count, low, high, minimum, longest, soon, late, elevation] = memory.get_all(row + 7);
@@ -183,38 +177,56 @@ impl Gust {
         memory.set_all(row + 3, velocity.iter().copied());
         memory.set(row + 7, count + 1.0);
     }
+}
+
+impl Component for Gust {
+    const STREAM: u32 = 33;
+    /// Times in control periods: start of rise and of fall, one over the rise; velocity (3); reversal (0 or 1); number
+    /// of gusts so far. Then the ranges of the next one: speed, duration and pause (2 each), elevation.
+    const ROWS: usize = 15;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        self.speed.check("gust.speed", 0.0, FASTEST)?;
+        check("gust.rise", self.rise, 0.0, 1e4)?;
+        self.duration.check("gust.duration", 0.0, 1e6)?;
+        self.pause.check("gust.pause", 0.0, 1e6)?;
+        check("gust.elevation", self.elevation, 0.0, STEEPEST)
+    }
+
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
+        let [shortest, longest] = self.duration.in_periods(context.period);
+        let [soon, late] = self.pause.in_periods(context.period);
+        // At least a period; shorter times are steps.
+        let rise = 1.0 / (self.rise / context.period).max(1.0);
+        memory.set(at.row + 2, rise);
+        memory.set(at.row + 6, f64::from(u8::from(self.turns)));
+        memory.set(at.row + 7, 0.0);
+        let Span { low, high } = self.speed;
+        memory.set_all(at.row + 8, [low, high, shortest, longest, soon, late, self.elevation]);
+        Self::draw(memory, at.row, 0.0, draw, context);
+    }
 
     /// Draws the next gust once the last one is over.
-    pub(super) fn renew<T: Real>(
-        memory: &mut Column<'_, T>,
-        row: usize,
-        now: f64,
-        draw: &Stream,
-        context: &DisturbanceContext,
-    ) {
-        let over = memory.get(row + 1) + 1.0 / memory.get(row + 2);
+    fn renew<T: Real>(memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, step, context } = *draws;
+        let (now, over) = (f64::from(step), memory.get(at.row + 1) + 1.0 / memory.get(at.row + 2));
         if now >= over {
-            Self::draw(memory, row, now, draw, context);
+            Self::draw(memory, at.row, now, &draw, context);
         }
     }
 
-    /// Its velocity in world axes, m/s.
     #[inline(always)]
-    pub(super) fn velocity<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, now: L) -> lie::Vector3<L> {
-        let [start, end, rise, x, y, z, turns]: [L; 7] = memory.get_all(row);
-        let middle = (start + end) * L::c(0.5);
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let [start, end, rise, x, y, z, turns]: [L; 7] = memory.get_all(at.row);
+        let (now, middle) = (moment.now, (start + end) * L::c(0.5));
         let up = smooth_step((now - start) * rise);
         let round = smooth_step((now - middle) * rise);
         let down = smooth_step((now - end) * rise);
         // up - down; with a turn up - 2 round + down.
         let twice = turns + turns;
         let strength = up - twice * round - (L::c(1.0) - twice) * down;
-        lie::Vector3([x, y, z]).scale(strength)
-    }
-
-    /// Stream of the gusts.
-    pub(super) fn stream(key: EpisodeKey) -> Stream {
-        Stream::new(key, Purpose::Gust)
+        forcing.velocity = forcing.velocity + lie::Vector3([x, y, z]).scale(strength);
     }
 }
 

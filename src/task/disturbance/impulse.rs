@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place};
 use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
-use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::task::EpisodeKey;
-use crate::task::random::{Purpose, Stream};
+use crate::lie::{Vector3, Vector6};
+use crate::task::random::Stream;
 
 /// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. Each
 /// control period applies the mean over the period, so that the momentum does not depend on the start within it.
@@ -25,7 +25,7 @@ pub struct Impulse {
     pub duration: Span,
     /// Time from the episode's start, or the end of the push before, s.
     pub pause: Span,
-    /// Maximum distance of the point from the vehicle's origin over that of its thrusters (root mean square).
+    /// Maximum distance of the point from the vehicle's origin relative to the root mean square distance of its thrusters.
     pub reach: f64,
 }
 
@@ -42,35 +42,6 @@ impl Default for Impulse {
 }
 
 impl Impulse {
-    /// Start and end in control periods; force (3, world) and point (3, body); number of pushes so far. Then the ranges of
-    /// the next one: force, duration and pause (2 each), reach.
-    pub(super) const ROWS: usize = 16;
-
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        self.share.check("impulse.share", 0.0, 10.0)?;
-        if let Some(force) = self.force {
-            force.check("impulse.force", 0.0, 1e7)?;
-        }
-        self.duration.check("impulse.duration", 0.0, 1e4)?;
-        self.pause.check("impulse.pause", 0.0, 1e6)?;
-        check("impulse.reach", self.reach, 0.0, 10.0)
-    }
-
-    pub(super) fn begin<T: Real>(
-        &self,
-        memory: &mut Column<'_, T>,
-        row: usize,
-        draw: &Stream,
-        context: &DisturbanceContext,
-    ) {
-        let Span { low, high } = self.force.unwrap_or(self.share.times(context.thrust));
-        let [minimum, longest] = self.duration.in_periods(context.period);
-        let [soon, late] = self.pause.in_periods(context.period);
-        memory.set(row + 8, 0.0);
-        memory.set_all(row + 9, [low, high, minimum, longest, soon, late, self.reach * context.lever]);
-        Self::draw(memory, row, 0.0, draw);
-    }
-
     fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
         let [count, low, high, minimum, longest, soon, late, reach] = memory.get_all(row + 8);
         let index = |k| (8.0 * count) as u32 + k;
@@ -82,31 +53,51 @@ impl Impulse {
         memory.set_all(row + 2, force.iter().chain(&point).copied());
         memory.set(row + 8, count + 1.0);
     }
+}
+
+impl Component for Impulse {
+    const STREAM: u32 = 35;
+    /// Start and end in control periods; force (3, world) and point (3, body); number of pushes so far. Then the ranges of
+    /// the next one: force, duration and pause (2 each), reach.
+    const ROWS: usize = 16;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        self.share.check("impulse.share", 0.0, 10.0)?;
+        if let Some(force) = self.force {
+            force.check("impulse.force", 0.0, 1e7)?;
+        }
+        self.duration.check("impulse.duration", 0.0, 1e4)?;
+        self.pause.check("impulse.pause", 0.0, 1e6)?;
+        check("impulse.reach", self.reach, 0.0, 10.0)
+    }
+
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
+        let Span { low, high } = self.force.unwrap_or(self.share.times(context.thrust));
+        let [shortest, longest] = self.duration.in_periods(context.period);
+        let [soon, late] = self.pause.in_periods(context.period);
+        memory.set(at.row + 8, 0.0);
+        memory.set_all(at.row + 9, [low, high, shortest, longest, soon, late, self.reach * context.lever]);
+        Self::draw(memory, at.row, 0.0, draw);
+    }
 
     /// Draws the next push once the last one is over.
-    pub(super) fn renew<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
-        if now >= memory.get(row + 1) {
-            Self::draw(memory, row, now, draw);
+    fn renew<T: Real>(memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, step, .. } = *draws;
+        let now = f64::from(step);
+        if now >= memory.get(at.row + 1) {
+            Self::draw(memory, at.row, now, &draw);
         }
     }
 
-    /// Its mean wrench over the coming period, body axes at the vehicle's origin.
+    /// Adds its mean wrench over the coming period.
     #[inline(always)]
-    pub(super) fn wrench<T: Real, L: Lane<Real = T>>(
-        memory: &Rows<'_, T>,
-        row: usize,
-        now: L,
-        rotation: &Matrix3<L>,
-    ) -> Vector6<L> {
-        let [start, end, fx, fy, fz, px, py, pz]: [L; 8] = memory.get_all(row);
-        let share = within(end - now) - within(start - now);
-        let force = rotation.apply_transposed(Vector3([fx, fy, fz])).scale(share);
-        Vector6 { linear: force, angular: Vector3([px, py, pz]).cross(force) }
-    }
-
-    /// Stream of the pushes.
-    pub(super) fn stream(key: EpisodeKey) -> Stream {
-        Stream::new(key, Purpose::Impulse)
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let [start, end, fx, fy, fz, px, py, pz]: [L; 8] = memory.get_all(at.row);
+        let share = within(end - moment.now) - within(start - moment.now);
+        let force = moment.pose.rotation.apply_transposed(Vector3([fx, fy, fz])).scale(share);
+        let wrench = Vector6 { linear: force, angular: Vector3([px, py, pz]).cross(force) };
+        forcing.wrench = forcing.wrench + wrench;
     }
 }
 

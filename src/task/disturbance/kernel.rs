@@ -1,57 +1,71 @@
-//! Kernel of all disturbances for a group of instances.
+//! Rows of the disturbances in an episode's memory, and their kernel for a group of instances.
 
 use nalgebra::Vector3 as Vector;
 
 use super::column::Column;
+use super::component::{Component, Forcing, Moment, QUAD};
+use super::components::{Disturbance, Places};
 use super::context::DisturbanceContext;
-use super::current::{Drift, Gust};
-use super::draws::{QUAD, normal_pair};
-use super::impulse::Impulse;
 use super::payload::{Payload, PayloadEvent};
-use super::rows::DisturbanceRows;
-use super::script::Script;
-use super::tether::Tether;
-use super::thrusters::ThrusterLoss;
+use super::sensors::{Delay, MEASURED_OF_VEHICLE, Noise, SensorRows};
 use super::waves::{WaveOrbit, Waves};
-use super::{Disturbance, SensorRows};
-use crate::control::THRUSTERS;
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
 
-/// Forcing by all disturbances over one control period.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Forcing<L> {
-    /// Velocity of the water at the start of the period, world axes, m/s.
-    pub velocity: Vector3<L>,
-    /// Acceleration of the water by waves, m/s^2; the other currents are quasi-steady.
-    pub acceleration: Vector3<L>,
-    /// Wrench on the vehicle, body axes at its origin, N and N m.
-    pub wrench: Vector6<L>,
-    /// Remaining gain of each thruster; 1 past the last.
-    pub gains: [L; THRUSTERS],
-    /// Payload, kg.
-    pub payload: L,
+/// Rows of the present components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DisturbanceRows {
+    /// Completed control periods.
+    pub clock: usize,
+    /// Steady current in world axes, 3.
+    pub steady: usize,
+    /// Rows of [`Forcing::summary`], 3.
+    pub summary: usize,
+    /// Rows of each component.
+    pub places: Places,
+    /// Age of measurements, control periods, where they are late.
+    pub age: Option<usize>,
+    /// Row past the recorded ones, of which the last is the age.
+    pub recorded: usize,
+    /// Sensors with noise or delay.
+    pub sensors: Option<SensorRows>,
+    /// Row past the last.
+    pub end: usize,
 }
 
-impl<L: Lane> Forcing<L> {
-    /// No forcing.
-    #[inline(always)]
-    pub fn none() -> Self {
-        let (velocity, acceleration) = (Vector3::zero(), Vector3::zero());
-        Self { velocity, acceleration, wrench: Vector6::zero(), gains: [L::c(1.0); THRUSTERS], payload: L::zero() }
-    }
-
-    /// Summary for `info`: magnitude of the force (N), payload (kg), minimum gain of a thruster.
-    #[inline(always)]
-    pub fn summary(&self) -> [L; 3] {
-        let force = self.wrench.linear;
-        let mut minimum = self.gains[0];
-        for k in 1..THRUSTERS {
-            minimum = self.gains[k].min(minimum);
+impl DisturbanceRows {
+    /// Rows from `start` on; `None` if nothing changes within an episode.
+    pub fn new(disturbance: &Disturbance, context: &DisturbanceContext, start: usize) -> Option<Self> {
+        let mut end = start;
+        let mut take = |count: usize| {
+            end += count;
+            end - count
+        };
+        let measured = MEASURED_OF_VEHICLE + 2 * context.joints + if context.tilt { 3 } else { 0 };
+        let [minimum, periods] = disturbance.delay_range(context.period);
+        let mut rows = Self {
+            clock: take(1),
+            steady: take(3),
+            summary: take(3),
+            places: Places::new(disturbance, context, &mut take),
+            age: (periods > 0).then(|| take(1)),
+            recorded: take(0),
+            sensors: (disturbance.noise.is_some() || periods > 0).then(|| SensorRows {
+                measured,
+                noise: disturbance.noise.as_ref().map(|_| [take(2 * measured), take(SensorRows::draws(measured))]),
+                ring: take((1 + periods) * measured),
+                slots: 1 + periods,
+                age: None,
+            }),
+            end: 0,
+        };
+        rows.end = end;
+        if let (Some(sensors), true) = (&mut rows.sensors, minimum < periods) {
+            sensors.age = rows.age;
         }
-        [force.dot(force).sqrt(), self.payload, minimum]
+        (rows.places.any() || rows.sensors.is_some()).then_some(rows)
     }
 }
 
@@ -66,8 +80,6 @@ pub struct DisturbanceKernel<T> {
     frequency: T,
 }
 
-/// Draws reserved at the start of a stream; those of control periods follow.
-const FIRST: u32 = 16;
 /// Draws reserved for the noise of a control instant.
 const NOISE: u32 = 16;
 
@@ -89,66 +101,23 @@ impl<T: Real> DisturbanceKernel<T> {
         self.rows.sensors.as_ref()
     }
 
-    /// True where the water's velocity changes within an episode.
+    /// Rows of the components.
     #[inline(always)]
-    pub fn flows(&self) -> bool {
-        self.rows.flows()
-    }
-
-    /// True where the water accelerates.
-    #[inline(always)]
-    pub fn accelerates(&self) -> bool {
-        self.rows.waves.is_some()
-    }
-
-    /// True where there is an external force.
-    #[inline(always)]
-    pub fn pushes(&self) -> bool {
-        self.rows.pushes()
-    }
-
-    /// True where thrusters lose thrust.
-    #[inline(always)]
-    pub fn weakens(&self) -> bool {
-        self.rows.thrusters.is_some()
+    pub fn places(&self) -> &Places {
+        &self.rows.places
     }
 
     /// Draws an episode of `disturbance`, which has no more components than the rows.
     pub fn begin(&self, memory: &mut Column<'_, T>, key: EpisodeKey, steady: &Vector<f64>, disturbance: &Disturbance) {
         let (rows, context) = (&self.rows, &self.context);
-        let stream = |purpose| Stream::new(key, purpose);
         (rows.clock..rows.end).for_each(|row| memory.set(row, 0.0));
         memory.set_all(rows.steady, steady.iter().copied());
-        if let (Some([row, _]), Some(drift)) = (rows.drift, &disturbance.drift) {
-            memory.set_all(row, drift.draw(&stream(Purpose::Drift), context));
-        }
-        if let (Some(row), Some(gust)) = (rows.gust, &disturbance.gust) {
-            gust.begin(memory, row, &Gust::stream(key), context);
-        }
-        if let (Some([row, trains]), Some(waves)) = (rows.waves, &disturbance.waves) {
-            waves.begin(memory, row, trains, &stream(Purpose::Waves), context);
-        }
-        if let (Some(row), Some(impulse)) = (rows.impulse, &disturbance.impulse) {
-            impulse.begin(memory, row, &Impulse::stream(key), context);
-        }
-        if let (Some(row), Some(tether)) = (rows.tether, &disturbance.tether) {
-            memory.set_all(row, tether.draw(&stream(Purpose::Tether), context));
-        }
-        if let (Some(row), Some(payload)) = (rows.payload, &disturbance.payload) {
-            memory.set_all(row, payload.draw(&stream(Purpose::Payload), context));
-        }
-        if let Some(row) = rows.thrusters {
-            let whole = ThrusterLoss { count: 0, ..ThrusterLoss::default() };
-            let loss = disturbance.thrusters.as_ref().unwrap_or(&whole);
-            memory.set_all(row, loss.draw(&stream(Purpose::Thrusters), context));
-        }
-        if let (Some([row, _]), Some(script)) = (rows.script, &disturbance.script) {
-            script.begin(memory, row);
-        }
+        rows.places.begin(disturbance, memory, key, context);
         if let Some(sensors) = &rows.sensors {
-            sensors.begin(disturbance.noise.as_ref(), memory, &stream(Purpose::Bias), context.joints);
-            if let (Some(row), Some(delay)) = (sensors.age, &disturbance.delay) {
-                let share = stream(Purpose::Delay).uniform(0);
+            let draw = Stream::new(key, Purpose::of(Noise::BIAS));
+            sensors.begin(disturbance.noise.as_ref(), memory, &draw, context.joints);
+            if let (Some(row), Some(delay)) = (rows.age, &disturbance.delay) {
+                let share = Stream::new(key, Purpose::of(Delay::STREAM)).uniform(0);
                 memory.set(row, delay.in_periods(context.period, share) as f64);
             }
             self.sample_sensors(memory, key, 0);
@@ -157,25 +126,13 @@ impl<T: Real> DisturbanceKernel<T> {
 
     /// Advances one instance before control period `step`: draws, and the next event after one that is over.
     pub fn advance(&self, memory: &mut Column<'_, T>, key: EpisodeKey, step: u32) {
-        let (rows, now) = (&self.rows, f64::from(step));
-        if let Some([_, draws]) = rows.drift {
-            memory.set_all(draws, Stream::new(key, Purpose::Drift).quad(step.wrapping_add(FIRST)));
-        }
-        if let Some(row) = rows.gust {
-            Gust::renew(memory, row, now, &Gust::stream(key), &self.context);
-        }
-        if let Some(row) = rows.impulse {
-            Impulse::renew(memory, row, now, &Impulse::stream(key));
-        }
-        if let Some([row, _]) = rows.script {
-            Script::turn_to(memory, row, step);
-        }
+        self.rows.places.renew(memory, key, step, &self.context);
         self.sample_sensors(memory, key, step.wrapping_add(1));
     }
 
     fn sample_sensors(&self, memory: &mut Column<'_, T>, key: EpisodeKey, instant: u32) {
         let Some(SensorRows { measured, noise: Some([_, draws]), .. }) = self.rows.sensors else { return };
-        let stream = Stream::new(key, Purpose::Noise);
+        let stream = Stream::new(key, Purpose::of(Noise::STREAM));
         for k in 0..measured.div_ceil(QUAD) {
             memory.set_all(draws + QUAD * k, stream.quad(instant.wrapping_mul(NOISE).wrapping_add(k as u32)));
         }
@@ -183,62 +140,24 @@ impl<T: Real> DisturbanceKernel<T> {
 
     /// Event of the payload before control period `step`.
     pub fn payload_event(&self, memory: &Column<'_, T>, step: u32) -> Option<PayloadEvent> {
-        Payload::event(memory.get_all(self.rows.payload?), f64::from(step))
+        Payload::event(memory.get_all(self.rows.places.payload?.row), f64::from(step))
     }
 
-    /// True where there may be a payload.
-    pub fn loads(&self) -> bool {
-        self.rows.payload.is_some()
-    }
-
-    /// Sets the payload held from now on, kg.
-    pub fn hold(&self, memory: &mut Column<'_, T>, held: f64) {
-        if let Some(row) = self.rows.payload {
-            memory.set(row + Payload::ROWS - 1, held);
+    /// Sets the payload carried from now on, kg.
+    pub fn hold(&self, memory: &mut Column<'_, T>, carried: f64) {
+        if let Some(at) = self.rows.places.payload {
+            memory.set(at.row + Payload::ROWS - 1, carried);
         }
     }
 
     /// Forcing over the coming control period.
     #[inline(always)]
     pub fn forcing<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, pose: &Pose<L>, twist: &Vector6<L>) -> Forcing<L> {
-        let rows = &self.rows;
-        let now: L = memory.get(rows.clock);
-        let [forward, left, up] = [self.axis(0), self.axis(1), self.axis(2)];
-        let mut velocity = Vector3(memory.get_all(rows.steady));
-        let mut acceleration = Vector3::zero();
-        let mut wrench = Vector6::zero();
-        if let Some([row, _]) = rows.drift {
-            let Vector3([x, y, z]) = Drift::velocity(memory, row);
-            velocity = forward.scale_add(x, left.scale_add(y, up.scale_add(z, velocity)));
-        }
-        if let Some(row) = rows.gust {
-            velocity = velocity + Gust::velocity(memory, row, now);
-        }
-        if let Some([row, _]) = rows.script {
-            let (current, push) = Script::now(memory, row);
-            velocity = velocity + current;
-            wrench = push;
-        }
-        if let Some([row, trains]) = rows.waves {
-            let [flow, change] = Waves::flow(memory, row, trains, pose.position, up, L::splat(self.frequency));
-            velocity = velocity + flow;
-            acceleration = change;
-        }
-        if let Some(row) = rows.impulse {
-            wrench = wrench + Impulse::wrench(memory, row, now, &pose.rotation);
-        }
-        if let Some(row) = rows.tether {
-            wrench = wrench + Tether::wrench(memory, row, pose, twist, velocity, up);
-        }
-        let payload = match rows.payload {
-            Some(row) => memory.get(row + Payload::ROWS - 1),
-            None => L::zero(),
-        };
-        let gains = match rows.thrusters {
-            Some(row) => ThrusterLoss::gains(memory, row, self.context.thrusters, now),
-            None => [L::c(1.0); THRUSTERS],
-        };
-        Forcing { velocity, acceleration, wrench, gains, payload }
+        let (level, frequency) = (&[self.axis(0), self.axis(1), self.axis(2)], L::splat(self.frequency));
+        let (now, thrusters) = (memory.get(self.rows.clock), self.context.thrusters);
+        let mut forcing = Forcing { velocity: Vector3(memory.get_all(self.rows.steady)), ..Forcing::none() };
+        self.rows.places.add(memory, &Moment { now, pose, twist, level, frequency, thrusters }, &mut forcing);
+        forcing
     }
 
     /// Forcing over the coming control period, recorded in the memory; then the memory at the period's end. `current` is
@@ -268,21 +187,14 @@ impl<T: Real> DisturbanceKernel<T> {
         let rows = &self.rows;
         let now: L = memory.get(rows.clock);
         memory.set(rows.clock, now + L::c(1.0));
-        if let Some([row, draws]) = rows.drift {
-            let [a, b, c, d]: [L; QUAD] = memory.get_all(draws);
-            let ([x, y], [z, _]) = (normal_pair([a, b]), normal_pair([c, d]));
-            Drift::pass(memory, row, [x, y, z]);
-        }
-        if let Some([row, trains]) = rows.waves {
-            Waves::pass::<T, L>(memory, row, trains);
-        }
+        rows.places.end_period::<L>(memory);
     }
 
     /// Orbital motion of the water around `place` (world axes, m) at the control instant; none without waves.
     #[inline(always)]
     pub fn wave_orbit<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, place: Vector3<L>) -> WaveOrbit<L> {
-        match self.rows.waves {
-            Some([row, trains]) => Waves::orbit(memory, row, trains, place, self.axis(2), L::splat(self.frequency)),
+        match self.rows.places.waves {
+            Some(at) => Waves::orbit(memory, at, place, self.axis(2), L::splat(self.frequency)),
             None => WaveOrbit::zero(),
         }
     }
@@ -295,16 +207,16 @@ impl<T: Real> DisturbanceKernel<T> {
 }
 
 /// [`DisturbanceKernel::pass_period`], which the kernels of all tasks share.
-struct Period<'a, 'b, T: Real, L: Lane> {
-    kernel: &'a DisturbanceKernel<T>,
-    memory: &'a mut Rows<'b, T>,
+struct Period<'a, 'b, L: Lane> {
+    kernel: &'a DisturbanceKernel<L::Real>,
+    memory: &'a mut Rows<'b, L::Real>,
     pose: &'a Pose<L>,
     twist: &'a Vector6<L>,
     current: usize,
     forcing: &'a mut Forcing<L>,
 }
 
-impl<T: Real, L: Lane<Real = T>> Routine<L> for Period<'_, '_, T, L> {
+impl<L: Lane> Routine<L> for Period<'_, '_, L> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { kernel, memory, pose, twist, current, forcing } = self;

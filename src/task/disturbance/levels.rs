@@ -22,7 +22,7 @@ impl Level {
     }
 }
 
-/// Levels for training, mild to strong, then harder ones held out for evaluation: 1.3 times as strong, and with shapes
+/// Levels for training, mild to strong, then harder ones for evaluation only: 1.3 times as strong, and with shapes
 /// that the others lack.
 pub const LEVELS: [Level; 14] = [
     Level {
@@ -79,7 +79,7 @@ pub const LEVELS: [Level; 14] = [
     },
 ];
 
-/// Strength of the held-out levels over that of the others.
+/// Strength of the harder levels relative to the others.
 const HARD: f64 = 1.3;
 
 fn steady(low: f64, high: f64) -> Option<SteadyCurrent> {

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::component::Component;
+use super::context::DisturbanceContext;
 use super::scene_range::SceneRange;
 use super::span::{Span, check};
 use crate::error::TaskError;
@@ -121,21 +123,6 @@ impl Parameters {
         Self::try_from(Given::Share(share)).unwrap_or_default()
     }
 
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
-            let (minimum, most) = match name {
-                PAYLOAD => (0.0, 1e6),
-                MASS => (0.1, 10.0),
-                _ => (0.0, 10.0),
-            };
-            if let Some(range) = range {
-                check(&format!("parameters.{name}"), range.low, minimum, most)?;
-                range.check(&format!("parameters.{name}"), minimum, most)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Factors of an episode.
     pub(super) fn draw(&self, draw: &Stream) -> Factors<f64> {
         let mut factors = Factors::ONE.to_array();
@@ -148,5 +135,25 @@ impl Parameters {
             factors[volume] *= factors[mass];
         }
         Factors::from_array(factors)
+    }
+}
+
+impl Component for Parameters {
+    const STREAM: u32 = 40;
+    const RESERVED: bool = false;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
+            let (minimum, most) = match name {
+                PAYLOAD => (0.0, 1e6),
+                MASS => (0.1, 10.0),
+                _ => (0.0, 10.0),
+            };
+            if let Some(range) = range {
+                check(&format!("parameters.{name}"), range.low, minimum, most)?;
+                range.check(&format!("parameters.{name}"), minimum, most)?;
+            }
+        }
+        Ok(())
     }
 }

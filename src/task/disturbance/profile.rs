@@ -41,7 +41,7 @@ impl Profile {
 
 impl DisturbanceKernel<f64> {
     /// Profile of the next `steps` control periods, from number `step` on, for a vehicle at rest in `pose`.
-    /// `numbers` are those of the episode; they are left as they are at the end. It ends early at an interrupt.
+    /// `numbers` are the episode's; they end as at the last of these periods. It ends early at an interrupt.
     pub fn profile(
         &self,
         numbers: &mut [f64],

@@ -10,23 +10,6 @@ use crate::error::TaskError;
 const BASE: &str = "base";
 
 impl Disturbance {
-    /// Names of the components.
-    pub const COMPONENTS: [&'static str; 13] = [
-        "current",
-        "drift",
-        "gust",
-        "waves",
-        "impulse",
-        "tether",
-        "payload",
-        "thrusters",
-        "arm",
-        "noise",
-        "delay",
-        "parameters",
-        "script",
-    ];
-
     /// The level of that name.
     ///
     /// # Errors
@@ -42,7 +25,7 @@ impl Disturbance {
     }
 
     /// From JSON: the name of a level, or an object of components by name. Its key `base` names the level to change
-    /// (`"calm"` by default): given keys of a component replace those of the level, `null` or `false` removes the
+    /// (`"calm"` by default): given keys of a component replace the level's, `null` or `false` removes the
     /// component, and `true` sets its defaults.
     ///
     /// # Errors
@@ -68,7 +51,7 @@ impl Disturbance {
             Some(Value::String(name)) => Self::named(&name)?,
             Some(other) => return refuse(BASE, format!("must be the name of a level, not {other}")),
         };
-        let Ok(Value::Object(mut whole)) = serde_json::to_value(base) else {
+        let Ok(Value::Object(mut components)) = serde_json::to_value(base) else {
             return refuse("disturbance", "not finite".into());
         };
         for (key, component) in given {
@@ -78,28 +61,28 @@ impl Disturbance {
             }
             match component {
                 Value::Null | Value::Bool(false) => {
-                    whole.remove(&key);
+                    components.remove(&key);
                 }
                 // The parameters read `true` themselves.
                 Value::Bool(true) if key != "parameters" => {
-                    whole.entry(key).or_insert_with(|| Value::Object(Map::new()));
+                    components.entry(key).or_insert_with(|| Value::Object(Map::new()));
                 }
                 time @ (Value::Number(_) | Value::Array(_)) if key == "delay" => {
-                    whole.insert(key, Value::Object(Map::from_iter([("time".to_owned(), time)])));
+                    components.insert(key, Value::Object(Map::from_iter([("time".to_owned(), time)])));
                 }
                 Value::Object(changes) => {
-                    if let Some(Value::Object(there)) = whole.get_mut(&key) {
+                    if let Some(Value::Object(there)) = components.get_mut(&key) {
                         there.extend(changes);
                     } else {
-                        whole.insert(key, Value::Object(changes));
+                        components.insert(key, Value::Object(changes));
                     }
                 }
                 other => {
-                    whole.insert(key, other);
+                    components.insert(key, other);
                 }
             }
         }
-        serde_path_to_error::deserialize(Value::Object(whole)).map_err(|error| TaskError::Disturbance {
+        serde_path_to_error::deserialize(Value::Object(components)).map_err(|error| TaskError::Disturbance {
             key: error.path().to_string(),
             reason: error.into_inner().to_string(),
         })

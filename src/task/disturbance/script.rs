@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place};
+use super::context::DisturbanceContext;
 use super::span::{check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
@@ -25,7 +27,7 @@ const LONGEST: usize = 100_000;
 
 impl Script {
     /// Rows: length, repetition (0 or 1); current (3) and wrench (6) now; then both of every period.
-    pub(super) const COMMON: usize = 2 + Self::EACH;
+    const COMMON: usize = 2 + Self::EACH;
     /// Count of numbers of a control period.
     const EACH: usize = 9;
 
@@ -39,12 +41,20 @@ impl Script {
         self.len() == 0
     }
 
-    /// Rows of a script of this length.
-    pub(super) fn rows(length: usize) -> usize {
-        Self::COMMON + Self::EACH * length
+    /// Sets current and wrench of a control period.
+    fn turn_to<T: Real>(memory: &mut Column<'_, T>, row: usize, step: u32) {
+        let [length, repeats] = memory.get_all(row).map(|x: f64| x as usize);
+        let entry = if repeats > 0 && length > 0 { step as usize % length } else { step as usize };
+        let now: [f64; Self::EACH] =
+            if entry < length { memory.get_all(row + Self::COMMON + Self::EACH * entry) } else { [0.0; Self::EACH] };
+        memory.set_all(row + 2, now);
     }
+}
 
-    pub(super) fn check(&self) -> Result<(), TaskError> {
+impl Component for Script {
+    const SIZE: &'static str = "script";
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
         if self.len() > LONGEST {
             return refuse("script", format!("{} control periods, but at most {LONGEST} are taken", self.len()));
         }
@@ -52,28 +62,31 @@ impl Script {
         self.wrench.iter().flatten().try_for_each(|x| check("script.wrench", *x, -1e7, 1e7))
     }
 
-    pub(super) fn begin<T: Real>(&self, memory: &mut Column<'_, T>, row: usize) {
-        memory.set_all(row, [self.len() as f64, f64::from(u8::from(self.repeat))]);
+    fn size(&self) -> usize {
+        self.len()
+    }
+
+    fn rows(length: usize, _context: &DisturbanceContext) -> usize {
+        Self::COMMON + Self::EACH * length
+    }
+
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, _draws: &Draws<'_>) {
+        memory.set_all(at.row, [self.len() as f64, f64::from(u8::from(self.repeat))]);
         for k in 0..self.len() {
             let current = self.current.get(k).copied().unwrap_or_default();
             let wrench = self.wrench.get(k).copied().unwrap_or_default();
-            memory.set_all(row + Self::rows(k), current.into_iter().chain(wrench));
+            memory.set_all(at.row + Self::COMMON + Self::EACH * k, current.into_iter().chain(wrench));
         }
-        Self::turn_to(memory, row, 0);
+        Self::turn_to(memory, at.row, 0);
     }
 
-    /// Sets current and wrench of a control period.
-    pub(super) fn turn_to<T: Real>(memory: &mut Column<'_, T>, row: usize, step: u32) {
-        let [length, repeats] = memory.get_all(row).map(|x: f64| x as usize);
-        let page = if repeats > 0 && length > 0 { step as usize % length } else { step as usize };
-        let now: [f64; Self::EACH] =
-            if page < length { memory.get_all(row + Self::rows(page)) } else { [0.0; Self::EACH] };
-        memory.set_all(row + 2, now);
+    fn renew<T: Real>(memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        Self::turn_to(memory, at.row, draws.step);
     }
 
-    /// Current in world axes and wrench in body axes now.
     #[inline(always)]
-    pub(super) fn now<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize) -> (Vector3<L>, Vector6<L>) {
-        (Vector3(memory.get_all(row + 2)), Vector6::from_array(memory.get_all(row + 5)))
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, _moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        forcing.velocity = forcing.velocity + Vector3(memory.get_all(at.row + 2));
+        forcing.wrench = forcing.wrench + Vector6::from_array(memory.get_all(at.row + 5));
     }
 }

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::draws::{QUAD, normal_pair};
+use super::component::{Component, QUAD, normal_pair};
+use super::context::DisturbanceContext;
 use super::span::{Span, check, refuse};
 use crate::control::MAX_SENSOR_DELAY;
 use crate::error::TaskError;
@@ -32,7 +33,7 @@ pub struct Noise {
     pub joint_position: f64,
     /// Joint rates, rad/s or m/s.
     pub joint_rate: f64,
-    /// Bias throughout an episode: its standard deviation over that of the noise.
+    /// Bias throughout an episode: its standard deviation relative to the noise's.
     pub bias: f64,
 }
 
@@ -50,8 +51,11 @@ impl Default for Noise {
     }
 }
 
-impl Noise {
-    pub(super) fn check(&self) -> Result<(), TaskError> {
+impl Component for Noise {
+    /// Stream of the noise.
+    const STREAM: u32 = 41;
+
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
         check("noise.position", self.position, 0.0, 1.0)?;
         check("noise.attitude", self.attitude, 0.0, 1.0)?;
         check("noise.linear_velocity", self.linear_velocity, 0.0, 1.0)?;
@@ -60,6 +64,11 @@ impl Noise {
         check("noise.joint_rate", self.joint_rate, 0.0, 1.0)?;
         check("noise.bias", self.bias, 0.0, 10.0)
     }
+}
+
+impl Noise {
+    /// Stream of the biases.
+    pub(super) const BIAS: u32 = 39;
 
     /// Deviation of each measured number.
     fn deviations(&self, joints: usize) -> Vec<f64> {
@@ -87,16 +96,21 @@ impl Default for Delay {
     }
 }
 
-impl Delay {
-    pub(super) fn check(&self, period: f64) -> Result<(), TaskError> {
+impl Component for Delay {
+    const STREAM: u32 = 43;
+    const RESERVED: bool = false;
+
+    fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.time.check("delay.time", 0.0, 1e3)?;
-        let periods = self.time.high / period + f64::from(self.periods);
+        let periods = self.time.high / context.period + f64::from(self.periods);
         if periods > MAX_SENSOR_DELAY as f64 {
             return refuse("delay", format!("{periods:.0} control periods, but at most {MAX_SENSOR_DELAY} are taken"));
         }
         Ok(())
     }
+}
 
+impl Delay {
     /// Age in control periods at a share in [0, 1) of its range.
     pub(in crate::task) fn in_periods(&self, period: f64, share: f64) -> usize {
         (self.time.at(share) / period).round() as usize + self.periods as usize
@@ -119,7 +133,7 @@ pub struct SensorRows {
     pub ring: usize,
     /// Number of stored measurements.
     pub slots: usize,
-    /// Row of the age, control periods, where it is drawn; else it is that of the oldest measurement.
+    /// Row of the age, control periods, where it is drawn; else all measurements are as old as the oldest.
     pub age: Option<usize>,
 }
 
@@ -148,12 +162,12 @@ impl SensorRows {
 
     /// Stores a measurement of true values: errors of position and attitude, twist, joint coordinates, joint rates.
     #[inline(always)]
-    pub fn measure<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
+    pub fn measure<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, truth: &[L; MEASURED]) {
         L::call(&mut Measurement { sensors: self, memory, truth });
     }
 
     #[inline(always)]
-    fn store<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
+    fn store<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, truth: &[L; MEASURED]) {
         let width = self.measured;
         for slot in (1..self.slots).rev() {
             for k in 0..width {
@@ -192,7 +206,7 @@ impl SensorRows {
 
     /// Reading now: entries in the order of [`Self::measure`], zeros past the last.
     #[inline(always)]
-    pub fn reading<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
+    pub fn reading<L: Lane>(&self, memory: &Rows<'_, L::Real>) -> [L; MEASURED] {
         let mut seen = [L::zero(); MEASURED];
         for k in 0..self.measured {
             seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);
@@ -212,13 +226,13 @@ impl SensorRows {
 }
 
 /// [`SensorRows::measure`], which the kernels of all tasks share.
-struct Measurement<'a, 'b, T, L> {
+struct Measurement<'a, 'b, L: Lane> {
     sensors: &'a SensorRows,
-    memory: &'a mut Rows<'b, T>,
+    memory: &'a mut Rows<'b, L::Real>,
     truth: &'a [L; MEASURED],
 }
 
-impl<T: Real, L: Lane<Real = T>> Routine<L> for Measurement<'_, '_, T, L> {
+impl<L: Lane> Routine<L> for Measurement<'_, '_, L> {
     const PORTABLE: bool = true;
 
     #[inline(always)]

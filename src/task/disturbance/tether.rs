@@ -2,18 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place};
 use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
-use crate::lie::{Pose, Vector3, Vector6};
-use crate::task::random::Stream;
+use crate::lie::{Vector3, Vector6};
 
 /// A cable from a fixed point (such as at the surface) to a point of the vehicle, in quasi-static equilibrium: its inertia
 /// is neglected.
 ///
 /// Current and net weight load it evenly along its chord: per metre `q = 1/2 rho C_D d |u| u - w up`, where u is the part
-/// across the chord of the water's velocity against the cable, whose speed is half that of the vehicle's point. The
+/// across the chord of the water's velocity against the cable, whose speed is half the speed of the vehicle's point. The
 /// vehicle bears half of that load, and the tension along the chord c that a parabola of the cable's length L takes,
 /// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; a chord longer than the
 /// cable stretches a spring.
@@ -24,7 +25,7 @@ pub struct Tether {
     pub height: Span,
     /// Horizontal distance of the fixed point from the world origin, m.
     pub distance: Span,
-    /// Length over the distance from the fixed point to the world origin, less 1.
+    /// Length over the distance from the fixed point to the world origin, minus 1.
     pub slack: Span,
     /// Diameter, m.
     pub diameter: f64,
@@ -58,11 +59,12 @@ const TAUT: f64 = 5e-3;
 /// Minimum length of the chord, m.
 const SHORTEST: f64 = 0.1;
 
-impl Tether {
+impl Component for Tether {
+    const STREAM: u32 = 36;
     /// Fixed point (3), attachment (3), length, drag `1/2 rho C_D d`, weight, stiffness.
-    pub(super) const ROWS: usize = 10;
+    const ROWS: usize = 10;
 
-    pub(super) fn check(&self) -> Result<(), TaskError> {
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
         self.height.check("tether.height", -1e3, 1e3)?;
         self.distance.check("tether.distance", 0.0, 1e3)?;
         self.slack.check("tether.slack", 0.0, 10.0)?;
@@ -73,42 +75,38 @@ impl Tether {
         self.attachment.iter().try_for_each(|x| check("tether.attachment", *x, -10.0, 10.0))
     }
 
-    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::ROWS] {
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
         let uniform = |k| draw.uniform(k);
         let horizontal = context.direction([uniform(0), 0.5], 0.0) * self.distance.at(uniform(1));
         let [x, y, z] = (horizontal + context.level[2] * self.height.at(uniform(2))).into();
-        let apart = [x, y, z].iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
-        let length = apart.max(SHORTEST) * (1.0 + self.slack.at(uniform(3)));
+        let distance = [x, y, z].iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
+        let length = distance.max(SHORTEST) * (1.0 + self.slack.at(uniform(3)));
         let drag = 0.5 * context.density * self.drag * self.diameter;
         let [px, py, pz] = self.attachment;
-        [x, y, z, px, py, pz, length, drag, self.weight.at(uniform(4)), self.stiffness * context.thrust]
+        let stiffness = self.stiffness * context.thrust;
+        memory.set_all(at.row, [x, y, z, px, py, pz, length, drag, self.weight.at(uniform(4)), stiffness]);
     }
 
-    /// Its wrench on the vehicle, body axes at the vehicle's origin; `current` is in world axes, as is `up`.
+    /// Adds its wrench in the water's velocity so far.
     #[inline(always)]
-    pub(super) fn wrench<T: Real, L: Lane<Real = T>>(
-        memory: &Rows<'_, T>,
-        row: usize,
-        pose: &Pose<L>,
-        twist: &Vector6<L>,
-        current: Vector3<L>,
-        up: Vector3<L>,
-    ) -> Vector6<L> {
-        let [x, y, z, px, py, pz, length, drag, weight, stiffness]: [L; Self::ROWS] = memory.get_all(row);
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let Moment { pose, twist, level: [_, _, up], .. } = moment;
+        let [x, y, z, px, py, pz, length, drag, weight, stiffness]: [L; Self::ROWS] = memory.get_all(at.row);
         let point = Vector3([px, py, pz]);
         let chord = Vector3([x, y, z]) - (pose.position + pose.rotation.apply(point));
-        let apart = chord.dot(chord).sqrt().max(L::c(SHORTEST));
-        let (one, along) = (L::c(1.0), chord.scale(L::c(1.0) / apart));
+        let distance = chord.dot(chord).sqrt().max(L::c(SHORTEST));
+        let (one, along) = (L::c(1.0), chord.scale(L::c(1.0) / distance));
         let carried = pose.rotation.apply(twist.linear + twist.angular.cross(point));
-        let flow = across(current - carried.scale(L::c(0.5)), along);
+        let flow = across(forcing.velocity - carried.scale(L::c(0.5)), along);
         let load = flow.scale(drag * flow.dot(flow).sqrt()) - up.scale(weight);
         let normal = across(load, along);
-        let slack = (length / apart - one).max(L::c(TAUT));
-        let tension = normal.dot(normal).sqrt() * apart / (slack * L::c(24.0)).sqrt();
-        let stretch = (apart - length).max(L::zero());
+        let slack = (length / distance - one).max(L::c(TAUT));
+        let tension = normal.dot(normal).sqrt() * distance / (slack * L::c(24.0)).sqrt();
+        let stretch = (distance - length).max(L::zero());
         let force = load.scale(length * L::c(0.5)) + along.scale(stiffness.mul_add(stretch, tension));
         let force = pose.rotation.apply_transposed(force);
-        Vector6 { linear: force, angular: point.cross(force) }
+        forcing.wrench = forcing.wrench + Vector6 { linear: force, angular: point.cross(force) };
     }
 }
 

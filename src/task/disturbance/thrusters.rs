@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place};
 use super::context::DisturbanceContext;
 use super::span::{Span, check, refuse};
-use crate::control::THRUSTERS;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
-use crate::task::random::Stream;
 
 use super::current::smooth_step;
 
@@ -35,10 +35,15 @@ impl Default for ThrusterLoss {
 }
 
 impl ThrusterLoss {
-    /// Rows: time of the loss in control periods, and one over its duration; then the remaining gain of each thruster.
-    pub(super) const COMMON: usize = 2;
+    /// Rows: time of the loss in control periods, and one over its duration; then the remaining gain of each thruster. Zeros
+    /// stand for no loss.
+    const COMMON: usize = 2;
+}
 
-    pub(super) fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
+impl Component for ThrusterLoss {
+    const STREAM: u32 = 38;
+
+    fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.gain.check("thrusters.gain", 0.0, 2.0)?;
         self.time.check("thrusters.time", 0.0, 1e6)?;
         check("thrusters.fade", self.fade, 0.0, 1e6)?;
@@ -50,7 +55,12 @@ impl ThrusterLoss {
         gains.iter().try_for_each(|gain| check("thrusters.gains", *gain, 0.0, 2.0))
     }
 
-    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> Vec<f64> {
+    fn rows(_size: usize, context: &DisturbanceContext) -> usize {
+        Self::COMMON + context.thrusters
+    }
+
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
         let time = self.time.at(draw.uniform(0)) / context.period;
         // At least a period; shorter times are steps.
         let pace = 1.0 / (self.fade / context.period).max(1.0);
@@ -63,24 +73,16 @@ impl ThrusterLoss {
             }
             gains
         });
-        [time, pace].into_iter().chain(gains).collect()
+        memory.set_all(at.row, [time, pace].into_iter().chain(gains));
     }
 
-    /// Remaining gain of each thruster now.
     #[inline(always)]
-    pub(super) fn gains<T: Real, L: Lane<Real = T>>(
-        memory: &Rows<'_, T>,
-        row: usize,
-        count: usize,
-        now: L,
-    ) -> [L; THRUSTERS] {
-        let [time, pace]: [L; 2] = memory.get_all(row);
-        let lost = smooth_step((now + L::c(1.0) - time) * pace);
-        let mut gains = [L::c(1.0); THRUSTERS];
-        for k in 0..count {
-            let left: L = memory.get(row + Self::COMMON + k);
-            gains[k] = (left - L::c(1.0)).mul_add(lost, L::c(1.0));
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let [time, pace]: [L; 2] = memory.get_all(at.row);
+        let lost = smooth_step((moment.now + L::c(1.0) - time) * pace);
+        for k in 0..moment.thrusters {
+            let left: L = memory.get(at.row + Self::COMMON + k);
+            forcing.gains[k] = (left - L::c(1.0)).mul_add(lost, L::c(1.0));
         }
-        gains
     }
 }

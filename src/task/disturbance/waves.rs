@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
+use super::component::{Component, Draws, Forcing, Moment, Place};
 use super::context::DisturbanceContext;
 use super::span::{Span, check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, exp, sin_cos};
 use crate::lie::Vector3;
-use crate::task::random::Stream;
 
 /// Maximum number of wave trains.
 pub const TRAINS: usize = 3;
@@ -62,68 +62,26 @@ impl Default for Waves {
 
 impl Waves {
     /// Rows common to all trains: depth.
-    pub(super) const COMMON: usize = 1;
+    const COMMON: usize = 1;
     /// Numbers of each train: speed at the origin's depth, wave number, phase and its rate per period, direction (3).
-    pub(super) const EACH: usize = 7;
-
-    /// Rows in all.
-    pub(super) fn rows(trains: usize) -> usize {
-        Self::COMMON + Self::EACH * trains
-    }
-
-    pub(super) fn check(&self) -> Result<(), TaskError> {
-        self.height.check("waves.height", 0.0, 20.0)?;
-        self.period.check("waves.period", 1.0, 60.0)?;
-        self.depth.check("waves.depth", 0.0, 1e4)?;
-        if !(1..=TRAINS).contains(&self.trains) {
-            return refuse("waves.trains", format!("{} must be 1 to {TRAINS}", self.trains));
-        }
-        let steepness = 0.142 * 9.81 * self.period.low * self.period.low / std::f64::consts::TAU;
-        check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)
-    }
-
-    /// Draws the trains; those past the last are still.
-    pub(super) fn begin<T: Real>(
-        &self,
-        memory: &mut Column<'_, T>,
-        row: usize,
-        trains: usize,
-        draw: &Stream,
-        context: &DisturbanceContext,
-    ) {
-        let depth = self.depth.at(draw.uniform(0));
-        memory.set(row, depth);
-        for k in 0..trains {
-            let uniform = |i| draw.uniform(1 + 8 * k as u32 + i);
-            let height = if k < self.trains { self.height.at(uniform(0)) } else { 0.0 };
-            let frequency = std::f64::consts::TAU / self.period.at(uniform(1));
-            let phase = std::f64::consts::TAU * uniform(2);
-            let direction = context.direction([uniform(3), 0.5], 0.0);
-            let number = frequency * frequency / context.gravity;
-            let speed = 0.5 * height * frequency * (-number * depth).exp();
-            let start = row + Self::COMMON + Self::EACH * k;
-            memory.set_all(start, [speed, number, phase, frequency * context.period]);
-            memory.set_all(start + 4, direction.iter().copied());
-        }
-    }
+    const EACH: usize = 7;
 
     /// Velocity of the water at `place` (world axes, m) at the control instant, m/s, and its acceleration half a period
     /// later, m/s^2. `up` points against gravity; `frequency` is one over the control period.
     #[inline(always)]
-    pub(super) fn flow<T: Real, L: Lane<Real = T>>(
-        memory: &Rows<'_, T>,
-        row: usize,
-        trains: usize,
+    fn flow<L: Lane>(
+        memory: &Rows<'_, L::Real>,
+        at: Place,
         place: Vector3<L>,
         up: Vector3<L>,
         frequency: L,
     ) -> [Vector3<L>; 2] {
         let (mut velocity, mut acceleration) = (Vector3::zero(), Vector3::zero());
         // Above the surface the motion is that at the surface.
-        let height = place.dot(up).min(memory.get(row));
-        for k in 0..trains {
+        let height = place.dot(up).min(memory.get(at.row));
+        for k in 0..at.size {
             let [speed, number, phase, pace, x, y, z]: [L; Self::EACH] =
-                memory.get_all(row + Self::COMMON + Self::EACH * k);
+                memory.get_all(at.row + Self::COMMON + Self::EACH * k);
             let along = Vector3([x, y, z]);
             let speed = speed * exp(number * height);
             // eta = a cos(theta), theta = k x - omega t.
@@ -140,19 +98,18 @@ impl Waves {
     /// Motion of the water particles around `place` (world axes, m) at the control instant: their displacement from their
     /// mean place, and the slope of the surfaces of equal depth. Both vanish without waves.
     #[inline(always)]
-    pub(super) fn orbit<T: Real, L: Lane<Real = T>>(
-        memory: &Rows<'_, T>,
-        row: usize,
-        trains: usize,
+    pub(super) fn orbit<L: Lane>(
+        memory: &Rows<'_, L::Real>,
+        at: Place,
         place: Vector3<L>,
         up: Vector3<L>,
         frequency: L,
     ) -> WaveOrbit<L> {
         let mut orbit = WaveOrbit::zero();
-        let height = place.dot(up).min(memory.get(row));
-        for k in 0..trains {
+        let height = place.dot(up).min(memory.get(at.row));
+        for k in 0..at.size {
             let [speed, number, phase, pace, x, y, z]: [L; Self::EACH] =
-                memory.get_all(row + Self::COMMON + Self::EACH * k);
+                memory.get_all(at.row + Self::COMMON + Self::EACH * k);
             let along = Vector3([x, y, z]);
             let speed = speed * exp(number * height);
             let (sine, cosine) = sin_cos(number.mul_add(place.dot(along), -phase));
@@ -166,16 +123,71 @@ impl Waves {
         }
         orbit
     }
+}
+
+impl Component for Waves {
+    const STREAM: u32 = 34;
+    const SIZE: &'static str = "waves.trains";
+
+    fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
+        self.height.check("waves.height", 0.0, 20.0)?;
+        self.period.check("waves.period", 1.0, 60.0)?;
+        self.depth.check("waves.depth", 0.0, 1e4)?;
+        if !(1..=TRAINS).contains(&self.trains) {
+            return refuse("waves.trains", format!("{} must be 1 to {TRAINS}", self.trains));
+        }
+        let steepness = 0.142 * 9.81 * self.period.low * self.period.low / std::f64::consts::TAU;
+        check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)?;
+        if context.gravity == 0.0 {
+            return refuse("waves", "the scene has no gravity, without which there are none".into());
+        }
+        Ok(())
+    }
+
+    fn size(&self) -> usize {
+        self.trains
+    }
+
+    fn rows(trains: usize, _context: &DisturbanceContext) -> usize {
+        Self::COMMON + Self::EACH * trains
+    }
+
+    /// Draws the trains; those past the last are still.
+    fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
+        let Draws { stream: draw, context, .. } = draws;
+        let depth = self.depth.at(draw.uniform(0));
+        memory.set(at.row, depth);
+        for k in 0..at.size {
+            let uniform = |i| draw.uniform(1 + 8 * k as u32 + i);
+            let height = if k < self.trains { self.height.at(uniform(0)) } else { 0.0 };
+            let frequency = std::f64::consts::TAU / self.period.at(uniform(1));
+            let phase = std::f64::consts::TAU * uniform(2);
+            let direction = context.direction([uniform(3), 0.5], 0.0);
+            let number = frequency * frequency / context.gravity;
+            let speed = 0.5 * height * frequency * (-number * depth).exp();
+            let start = at.row + Self::COMMON + Self::EACH * k;
+            memory.set_all(start, [speed, number, phase, frequency * context.period]);
+            memory.set_all(start + 4, direction.iter().copied());
+        }
+    }
+
+    #[inline(always)]
+    fn add<L: Lane>(memory: &Rows<'_, L::Real>, at: Place, moment: &Moment<'_, L>, forcing: &mut Forcing<L>) {
+        let (place, up) = (moment.pose.position, moment.level[2]);
+        let [velocity, acceleration] = Self::flow(memory, at, place, up, moment.frequency);
+        forcing.velocity = forcing.velocity + velocity;
+        forcing.acceleration = acceleration;
+    }
 
     /// Advances the phases by a period. They are kept within a turn, so that they stay exact in episodes of any length.
     #[inline(always)]
-    pub(super) fn pass<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize, trains: usize) {
+    fn end_period<L: Lane>(memory: &mut Rows<'_, L::Real>, at: Place) {
         use std::f64::consts::TAU;
-        for k in 0..trains {
-            let at = row + Self::COMMON + Self::EACH * k + 2;
-            let [phase, pace]: [L; 2] = memory.get_all(at);
+        for k in 0..at.size {
+            let row = at.row + Self::COMMON + Self::EACH * k + 2;
+            let [phase, pace]: [L; 2] = memory.get_all(row);
             let phase = phase + pace;
-            memory.set(at, (phase * L::c(1.0 / TAU)).round().neg_mul_add(L::c(TAU), phase));
+            memory.set(row, (phase * L::c(1.0 / TAU)).round().neg_mul_add(L::c(TAU), phase));
         }
     }
 }

@@ -256,7 +256,7 @@ fn a_payload_is_grasped_without_a_loss_of_momentum() {
     state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);
     state.qd[..4].copy_from_slice(&[0.1, -0.2, 0.3, 0.2]);
     let before = state.clone();
-    uvms_gym::task::grasp_impulse(&model, &mut state, mass);
+    uvms_gym::task::disturbance::grasp_impulse(&model, &mut state, mass);
     let form = model.at(&before, na::Vector3::zeros());
     let n = form.joints();
     let all = |s: &State| na::DVector::from_iterator(6 + n, s.twist.iter().chain(&s.qd[..n]).copied());

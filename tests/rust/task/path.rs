@@ -22,7 +22,7 @@ fn start() -> Pose {
 }
 
 fn drawn(reference: PathKind, seed: u64, period: f64) -> [f64; PATH] {
-    let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference);
+    let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::REFERENCE);
     draw_path(&range(reference), &start(), &Vector3::z(), 1.0, period, &stream)
 }
 
@@ -96,7 +96,7 @@ fn period_by_period_a_path_is_the_same_as_from_afar() {
         let (near, far) = (at(&path, 1.0), at(&from_afar, f64::from(k + 1)));
         assert!(vector(near.pose.position - far.pose.position).norm() < 1e-11, "{k}");
         assert!((matrix(&near.pose) - matrix(&far.pose)).norm() < 1e-11, "{k}");
-        path_advance::<f64, f64>(&mut Rows::of_one(&mut path), 0);
+        path_advance::<f64>(&mut Rows::of_one(&mut path), 0);
     }
     assert!(path[PHASE].abs() <= PI + 1e-12 && path[PROGRESS] == 1.0);
 }

@@ -21,7 +21,7 @@ fn val_philox_gives_the_published_answers() {
 
 #[test]
 fn uniform_draws_have_the_moments_of_their_distribution() {
-    let stream = Stream::new(EpisodeKey { seed: 7, episode: 3 }, Purpose::Start);
+    let stream = Stream::new(EpisodeKey { seed: 7, episode: 3 }, Purpose::START);
     let n = 20_000u32;
     let mean = |f: &dyn Fn(u32) -> f64| (0..n).map(f).sum::<f64>() / f64::from(n);
     // Five deviations of each estimate.
@@ -39,13 +39,13 @@ fn uniform_draws_have_the_moments_of_their_distribution() {
 fn every_part_of_the_address_changes_the_draw() {
     let draw = |seed, episode, purpose, i| Stream::new(EpisodeKey { seed, episode }, purpose).uniform(i);
     let all = [
-        draw(1, 0, Purpose::Start, 0),
-        draw(1 << 32, 0, Purpose::Start, 0),
-        draw(0, 1, Purpose::Start, 0),
-        draw(0, 1 << 32, Purpose::Start, 0),
-        draw(0, 0, Purpose::Current, 0),
-        draw(0, 0, Purpose::Start, 1),
-        draw(0, 0, Purpose::Start, 0),
+        draw(1, 0, Purpose::START, 0),
+        draw(1 << 32, 0, Purpose::START, 0),
+        draw(0, 1, Purpose::START, 0),
+        draw(0, 1 << 32, Purpose::START, 0),
+        draw(0, 0, Purpose::CURRENT, 0),
+        draw(0, 0, Purpose::START, 1),
+        draw(0, 0, Purpose::START, 0),
     ];
     for (i, a) in all.iter().enumerate() {
         assert!(all[..i].iter().all(|b| a != b));

@@ -23,7 +23,7 @@ fn joint(limits: Option<[f64; 2]>, home: f64, speed: Option<f64>) -> Joint {
 }
 
 fn stream(seed: u64) -> Stream {
-    Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference)
+    Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::REFERENCE)
 }
 
 /// A reference in seconds.
