@@ -9,8 +9,10 @@ use uvms_gym::integrate::Integrator;
 use uvms_gym::system::{Flow, State, compile};
 
 use crate::random_scene::{Random, random_state};
+use crate::thrusters;
 
 const RHO: f64 = 1000.0;
+const ARM: &str = "bluerov2-heavy-alpha5";
 
 /// A neutral body that water does not brake, with one fin at its origin.
 fn fin(change: impl Fn(&mut Fin)) -> Scene {
@@ -239,14 +241,13 @@ fn fins_keep_the_order_of_the_integrator() {
     }
 }
 
-/// Everything at once: arm, fins that stall, tether, damping by forward speed, current.
-fn loaded() -> Scene {
-    let mut scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+/// Everything at once: arm, thrusters with dynamics, fins that stall, tether, damping by forward speed.
+fn loaded(name: &str) -> Scene {
+    let mut scene = thrusters::complete(name);
     scene.vehicle.fins = fin(complete).vehicle.fins;
     scene.vehicle.fins.extend(remus().vehicle.fins.into_iter().take(3));
     scene.vehicle.tether = Some(cable());
     scene.vehicle.forward_damping = Some(crate::forward_damping::eca_a9());
-    scene.vehicle.thruster_lag = Some(0.1);
     scene.check().unwrap();
     scene
 }
@@ -256,20 +257,22 @@ fn cable() -> Tether {
 }
 
 #[test]
-fn both_forms_feel_the_same_appendages() {
-    let scene = loaded();
-    for seed in 0..20 {
-        let mut random = Random::new(seed);
+fn both_forms_feel_the_same_thrusters_and_appendages() {
+    for (seed, name) in (0..20).flat_map(|seed| [ARM, "petasus-pum", "rexrov"].map(|name| (seed, name))) {
+        let (scene, mut random) = (loaded(name), Random::new(seed));
         let mut simulator = alone(&scene, 0.01);
-        simulator.set_state(0, &random_state(seed, &scene));
+        let (mut state, m) = (random_state(seed, &scene), scene.vehicle.thrusters.len());
+        (0..m).for_each(|k| state.thrust[k] = random.between(-30.0, 30.0));
+        simulator.set_state(0, &state);
         simulator.set_flow(0, Flow { velocity: random.vector(0.5), acceleration: random.vector(0.5) });
         let fins: Vec<f64> = (0..4).map(|_| random.between(-0.3, 0.3)).collect();
-        let inputs = Inputs { fin: Some(&fins), thrust: Some(&[5.0; 8]), ..Inputs::default() };
+        let commands: Vec<f64> = (0..m).map(|_| random.between(-40.0, 40.0)).collect();
+        let inputs = Inputs { fin: Some(&fins), thrust: Some(&commands), ..Inputs::default() };
         let loads = simulator.applied_loads(&inputs).unwrap();
         let expected = simulator.closed_form(0, |form| form.accelerations(&loads[0].loads()).unwrap());
         let got = simulator.forward_dynamics(&inputs).unwrap();
         for (a, b) in got.iter().zip(expected.iter()) {
-            assert!((a - b).abs() < 1e-9 * (1.0 + expected.norm()), "{seed}: {a} {b}");
+            assert!((a - b).abs() < 1e-9 * (1.0 + expected.norm()), "{name}, {seed}: {a} {b}");
         }
     }
 }
@@ -277,7 +280,7 @@ fn both_forms_feel_the_same_appendages() {
 /// The linearization is the derivative of the accelerations.
 #[test]
 fn linearization_knows_the_appendages() {
-    let scene = loaded();
+    let scene = loaded(ARM);
     let state = random_state(4, &scene);
     let mut simulator = alone(&scene, 0.01);
     let fins = [0.0, 0.1, 0.2, -0.1];
@@ -322,7 +325,7 @@ fn a_tether_pulls_by_weight_and_drag() {
 
 #[test]
 fn an_instance_depends_neither_on_its_neighbours_nor_on_threads() {
-    let scene = loaded();
+    let scene = loaded(ARM);
     let run = |instances: usize, threads, precision, integrator: &str| {
         let options =
             SimulatorOptions { instances, threads, precision, integrator: integrator.into(), ..Default::default() };
@@ -331,7 +334,8 @@ fn an_instance_depends_neither_on_its_neighbours_nor_on_threads() {
             simulator.set_state(i, &random_state(i as u64, &scene));
         }
         let fins: Vec<f64> = (0..4 * instances).map(|k| 0.01 * (k / 4) as f64).collect();
-        simulator.step(&Inputs { fin: Some(&fins), ..Inputs::default() }, 3).unwrap();
+        let thrust: Vec<f64> = (0..8 * instances).map(|k| 50.0 * (k as f64).sin()).collect();
+        simulator.step(&Inputs { fin: Some(&fins), thrust: Some(&thrust), ..Inputs::default() }, 3).unwrap();
         // Without command they go back to where the scene has them.
         simulator.step(&Inputs::default(), 3).unwrap();
         let numbers = simulator.save();
@@ -355,7 +359,7 @@ fn a_linear_actuator_limits_torque_by_its_lever() {
         let slope = (actuator.stroke(q + 1e-6) - actuator.stroke(q - 1e-6)) / 2e-6;
         assert!((actuator.arm(q) - slope).abs() < 1e-8);
     }
-    let mut scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+    let mut scene = Scene::shipped(ARM).unwrap();
     let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
     (joint.effort, joint.limits, joint.friction.viscous) = (None, None, 0.0);
     joint.actuator = Some(LinearActuator { force: 20.0, ..actuator });
@@ -395,7 +399,7 @@ fn what_cannot_be_is_refused_by_key() {
         assert!(error.contains(expected), "{error}");
     };
     let with = |change: fn(&mut Scene)| {
-        let mut scene = loaded();
+        let mut scene = loaded(ARM);
         change(&mut scene);
         scene
     };
@@ -415,7 +419,7 @@ fn what_cannot_be_is_refused_by_key() {
     refused(with(|s| s.vehicle.fins = vec![s.vehicle.fins[0].clone(); 9]), "vehicle.fins: 9 elements");
     refused(with(|s| s.vehicle.tether.as_mut().unwrap().diameter = -1.0), "vehicle.tether.diameter: is -1.0");
     let actuator = |change: fn(&mut LinearActuator)| {
-        let mut scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+        let mut scene = Scene::shipped(ARM).unwrap();
         let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
         (joint.effort, joint.limits) = (None, None);
         let own = joint.actuator.insert(LinearActuator { base: 0.3, lever: 0.08, angle: 1.2, force: 500.0 });
@@ -432,7 +436,7 @@ fn what_cannot_be_is_refused_by_key() {
 
 #[test]
 fn scenes_with_appendages_round_trip() {
-    let mut scene = loaded();
+    let mut scene = loaded(ARM);
     let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
     joint.effort = None;
     joint.limits = None;

@@ -112,3 +112,10 @@ impl Push {
 pub fn velocities(state: &State, joints: usize) -> DVector<f64> {
     DVector::from_iterator(6 + joints, state.twist.iter().chain(&state.qd[..joints]).copied())
 }
+
+/// All numbers of a state as bits.
+pub fn bits(state: &State) -> Vec<u64> {
+    let State { position, rotation, twist, q, qd, thrust, time } = state;
+    let vehicle = position.iter().chain(rotation.iter()).chain(twist.iter());
+    vehicle.chain(q).chain(qd).chain(thrust).chain([time]).map(|x| x.to_bits()).collect()
+}

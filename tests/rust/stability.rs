@@ -1,7 +1,7 @@
 //! Rates of scenes against closed forms, and stable steps against what steps do.
 
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::batch::{Cause, Inputs, Mode, Precision, Simulator, SimulatorOptions, stabilities};
+use uvms_gym::batch::{Cause, Inputs, Mode, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::{Friction, JointServo, Scene, Tether};
 use uvms_gym::dynamics::{ClosedFormModel, Servos};
 use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
@@ -311,35 +311,6 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
 }
 
 #[test]
-fn shipped_scenes_are_stable_at_their_steps() {
-    for name in Scene::shipped_names() {
-        let scene = Scene::shipped(name).unwrap();
-        for integrator in ["mk4", "mk3", "mk2", "mk1"] {
-            for dt in [0.01, 0.02, 0.05] {
-                let mut s = simulator(&scene, integrator, dt);
-                for servos in [OFF, JOINTS, BOTH] {
-                    if let Some(unstable) = s.warn_of_step(servos) {
-                        println!("{unstable}");
-                        assert!(dt == 0.05 || (integrator, dt) == ("mk1", 0.02), "{unstable}");
-                    }
-                }
-            }
-        }
-        // What the steps are.
-        let survey = simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap();
-        for mode in survey.modes(BOTH).iter().take(4) {
-            println!("{name}: {:.2} {} ({})", mode.rate, mode.what, mode.place);
-        }
-        for (integrator, stability) in stabilities() {
-            let [off, on, stops] = [(OFF, false), (BOTH, false), (BOTH, true)]
-                .map(|(servos, stops)| survey.stable_step(stability, servos, stops).0);
-            println!("{name}: {integrator} {off:.4} s, servos on {on:.4} s, at stops {stops:.4} s");
-            assert!(on >= stops);
-        }
-    }
-}
-
-#[test]
 fn an_unstable_step_is_said_once_and_by_its_numbers() {
     let scene = stiffened("bluerov2-heavy-alpha5", 10.0);
     let mut s = simulator(&scene, "mk4", 0.02);
@@ -465,35 +436,6 @@ fn many(scene: &Scene, integrator: &str, dt: f64, precision: Precision, instance
     let options =
         SimulatorOptions { integrator: integrator.into(), dt, precision, instances, ..SimulatorOptions::default() };
     Simulator::new(scene.clone(), options).unwrap()
-}
-
-#[test]
-fn the_instance_that_leaves_the_range_is_said_once() {
-    let mut scene = body();
-    scene.vehicle.body.damping.linear[(0, 0)] = 20.0;
-    for precision in [Precision::Double, Precision::Single] {
-        for (dt, said) in [(0.1, false), (0.6, true)] {
-            let mut s = many(&scene, "mk4", dt, precision, 150);
-            for i in [77, 133] {
-                s.set_state(i, &State { twist: Vector6::ith(0, 1.0), time: 2.0, ..State::default() });
-            }
-            s.step(&Inputs::default(), 3).unwrap();
-            let stray = s.warn_of_motion();
-            assert_eq!(stray.is_some(), said, "{stray:?}");
-            let Some(stray) = stray else { continue };
-            let seen = stray.violation;
-            assert_eq!((seen.instance, seen.count, stray.cause), (77, 2, Cause::Inaccurate));
-            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.quality.stiffness - 2.4).abs() < 0.01, "{seen:?}");
-            let text = stray.to_string();
-            for part in
-                ["'free-body'", "instance 77 and 1 more of 150", "t = 3.8", "'mk4'", "dt = 0.6 s", "4.00 1/s", "2.40"]
-            {
-                assert!(text.contains(part), "{part}: {text}");
-            }
-            s.step(&Inputs::default(), 3).unwrap();
-            assert_eq!(s.warn_of_motion(), None);
-        }
-    }
 }
 
 #[test]

@@ -1,12 +1,11 @@
 //! Batches: an instance's result is its own, bit for bit, whoever sits beside it; fast turns are stepped finely; what
 //! cannot be computed is NaN.
 
+use crate::cases::bits;
 use crate::random_scene::{Random, random_state};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::integrate::Integrator;
-use uvms_gym::lane::Isa;
 use uvms_gym::system::State;
 
 /// Inputs of one instance.
@@ -65,13 +64,6 @@ fn run(scene: &Scene, options: SimulatorOptions, ids: &[u64], split: &[usize]) -
         simulator.step(&inputs, substeps).unwrap();
     }
     simulator
-}
-
-/// All numbers of a state as bits.
-fn bits(state: &State) -> Vec<u64> {
-    let State { position, rotation, twist, q, qd, thrust, time } = state;
-    let vehicle = position.iter().chain(rotation.iter()).chain(twist.iter());
-    vehicle.chain(q).chain(qd).chain(thrust).chain([time]).map(|x| x.to_bits()).collect()
 }
 
 const STEPS: usize = 12;
@@ -138,64 +130,6 @@ fn substeps_may_be_split_over_calls() {
                 assert!((a.time - b.time).abs() < 1e-6);
             }
         }
-    }
-}
-
-#[test]
-fn every_integrator_keeps_instances_apart() {
-    let scene = Scene::shipped("bluerov2-heavy").unwrap();
-    for name in Integrator::NAMES.map(|entry| entry.name) {
-        let options = SimulatorOptions { integrator: name.into(), ..options(Precision::Double, 1, 1) };
-        let alone = run(&scene, options.clone(), &[5], &[STEPS]);
-        let together = run(&scene, options, &[0, 1, 2, 3, 4, 6, 7, 8, 9, 5], &[STEPS]);
-        assert_eq!(bits(&alone.state(0)), bits(&together.state(9)), "{name}");
-    }
-}
-
-/// A number for all bits of a run.
-fn digest() -> u64 {
-    let ids: Vec<u64> = (0..20).collect();
-    let mut sum = 0xcbf2_9ce4_8422_2325_u64;
-    for name in ["petasus-pum", "rexrov"] {
-        let scene = Scene::shipped(name).unwrap();
-        for precision in [Precision::Double, Precision::Single] {
-            let simulator = run(&scene, options(precision, ids.len(), 1), &ids, &[STEPS]);
-            for bits in (0..ids.len()).flat_map(|i| bits(&simulator.state(i))) {
-                sum = (sum ^ bits).wrapping_mul(0x100_0000_01b3);
-            }
-        }
-    }
-    sum
-}
-
-/// Prints what `result_is_the_same_on_every_fused_width` compares between processes: the width is chosen once in each.
-#[test]
-fn digest_of_a_run() {
-    println!("digest on {}: {:016x}", Isa::best().unwrap().name(), digest());
-    assert_eq!(digest(), digest());
-}
-
-#[test]
-fn result_is_the_same_on_every_fused_width() {
-    let digest_on = |isa: Isa| {
-        let output = std::process::Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "batch::instances::digest_of_a_run", "--nocapture"])
-            .env("UVMS_INSTRUCTION_SET", isa.name())
-            .output()
-            .unwrap();
-        let text = String::from_utf8(output.stdout).unwrap();
-        let mark = format!("digest on {}: ", isa.name());
-        let at = text.find(&mark).unwrap_or_else(|| panic!("{text}")) + mark.len();
-        text[at..at + 16].to_owned()
-    };
-    let digests: Vec<(Isa, String)> = Isa::available().map(|isa| (isa, digest_on(isa))).collect();
-    println!("{digests:?}");
-    let fused = || digests.iter().filter(|(isa, _)| *isa != Isa::Plain);
-    for (isa, digest) in fused() {
-        assert_eq!(Some(digest), fused().next().map(|(_, d)| d), "{}", isa.name());
-    }
-    if let (Some((_, fused)), Some((_, plain))) = (fused().next(), digests.last()) {
-        assert_ne!(fused, plain, "the digest tells roundings apart");
     }
 }
 

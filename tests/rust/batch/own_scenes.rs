@@ -8,6 +8,7 @@ use uvms_gym::description::{
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::{Factors, State};
 
+use crate::cases::bits;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
 /// Number of instances: no multiple of any width of lanes.
@@ -246,12 +247,6 @@ fn inputs<'a>(all: &'a [Vec<f64>; 6], scene: &Scene) -> Inputs<'a> {
     }
 }
 
-fn bits(state: &State) -> Vec<u64> {
-    let State { position, rotation, twist, q, qd, thrust, time } = state;
-    let vehicle = position.iter().chain(rotation.iter()).chain(twist.iter());
-    vehicle.chain(q).chain(qd).chain(thrust).chain([time]).map(|x| x.to_bits()).collect()
-}
-
 fn simulator(scenes: Vec<Scene>, instances: &[&Instance], options: &SimulatorOptions) -> Simulator {
     let options = SimulatorOptions { instances: instances.len(), ..options.clone() };
     let mut simulator = Simulator::with_scenes(scenes, options).unwrap();
@@ -385,12 +380,4 @@ fn scenes_of_another_structure_are_refused_by_place() {
         assert!(message.starts_with("scene 2 ('petasus-pum') differs in structure from scene 0: "), "{message}");
         assert!(message.contains(place), "{place}: {message}");
     }
-}
-
-#[test]
-fn one_scene_or_one_for_each_instance() {
-    let scene = Scene::shipped("petasus-pum").unwrap();
-    let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
-    let error = Simulator::with_scenes(vec![scene; 2], options).err().unwrap();
-    assert_eq!(error, SimulatorError::Scenes { scenes: 2, instances: 3 });
 }

@@ -11,7 +11,7 @@ use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::EndEffector;
-use uvms_gym::task::{ControllerKind, StartOverride, TaskOptions};
+use uvms_gym::task::{ControllerKind, TaskOptions};
 
 const SEEDS: [u64; 5] = [11, 3, 400, 7, u64::MAX];
 
@@ -55,10 +55,6 @@ fn seeds(n: usize) -> Vec<Option<u64>> {
 fn actions(batch: &TaskBatch, step: usize) -> Vec<f32> {
     let width = batch.task().action_len();
     (0..batch.instances() * width).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect()
-}
-
-fn idle(batch: &TaskBatch) -> Vec<f32> {
-    vec![0.0; batch.instances() * batch.task().action_len()]
 }
 
 /// Rows of instance `i`, as bits.
@@ -110,45 +106,6 @@ fn an_instance_does_not_know_how_many_there_are_nor_on_which_thread_it_is() {
     }
 }
 
-/// Starts from which episodes end at different times: one by one, the instances leave.
-fn leaving(n: usize) -> Vec<StartOverride> {
-    let start = |i: usize| StartOverride {
-        position: Some([9.95 - 0.07 * (i % 7) as f64, 0.0, 0.0]),
-        attitude: Some([1.0, 0.0, 0.0, 0.0]),
-        twist: Some([5.0, 0.0, 0.0, 0.0, 0.0, 0.1 * i as f64]),
-        ..Default::default()
-    };
-    (0..n).map(start).collect()
-}
-
-#[test]
-fn each_of_many_is_as_it_would_be_alone() {
-    for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
-        for precision in [Precision::Double, Precision::Single] {
-            let made =
-                |instances| Made { instances, autoreset, precision, max_steps: Some(9), ..Made::default() }.batch();
-            let n = 19;
-            let mut many = made(n);
-            many.reset(&seeds(n), None, &leaving(n)).unwrap();
-            let all: Vec<_> =
-                (0..14).map(|step| (actions(&many, step), many.step(&actions(&many, step)).unwrap())).collect();
-            let ended = |i: usize| all.iter().position(|(_, result)| result.terminated[i]);
-            assert!(ended(0) < ended(6) && ended(6).is_some(), "they should leave one after the other");
-            for i in [0, 3, 7, 8, 18] {
-                let mut alone = made(1);
-                alone.reset(&seeds(n)[i..=i], None, &leaving(n)[i..=i]).unwrap();
-                for (step, (actions, expected)) in all.iter().enumerate() {
-                    let width = alone.task().action_len();
-                    let got = alone.step(&actions[i * width..(i + 1) * width]).unwrap();
-                    assert_eq!(row(&alone, &got, 0), row(&many, expected, i), "step {step}, instance {i}");
-                    let end = expected.finals.iter().find(|end| end.instance == i);
-                    assert_eq!(got.finals.first().map(|end| &end.observation), end.map(|end| &end.observation));
-                }
-            }
-        }
-    }
-}
-
 #[test]
 fn lanes_do_what_the_task_does_to_one_instance() {
     // Where lanes fuse multiply and add, as the scalar functions do.
@@ -195,201 +152,6 @@ fn an_instance_takes_less_than_three_kilobytes() {
             let batch = TaskBatch::new(scene, options, simulator, Autoreset::NextStep, None).unwrap();
             let bytes = batch.bytes_per_instance();
             assert!(bytes < most && bytes > batch.simulator().bytes_per_instance(), "{name}: {bytes}");
-        }
-    }
-}
-
-#[test]
-fn next_step_autoreset_spends_a_step_on_the_reset() {
-    let mut batch = Made::default().batch();
-    batch.reset(&seeds(3), None, &[]).unwrap();
-    for step in 1..=10 {
-        let result = batch.step(&actions(&batch, step)).unwrap();
-        for (i, verdict) in result.results().enumerate() {
-            assert_eq!(verdict.truncated, step % 5 == 4);
-            assert_eq!(verdict.reward == 0.0, step % 5 == 0);
-            let episode = batch.episode(i).unwrap();
-            assert_eq!((episode.key().episode, episode.step()), (step as u64 / 5, (step % 5) as u32));
-        }
-        assert!(result.finals.is_empty());
-    }
-}
-
-#[test]
-fn same_step_autoreset_hands_over_the_last_observation() {
-    let made = |autoreset| Made { autoreset, ..Made::default() }.batch();
-    let (mut batch, mut plain) = (made(Autoreset::SameStep), made(Autoreset::Disabled));
-    batch.reset(&seeds(3), None, &[]).unwrap();
-    plain.reset(&seeds(3), None, &[]).unwrap();
-    for step in 1..=8 {
-        let actions = actions(&batch, step);
-        let (got, expected) = (batch.step(&actions).unwrap(), plain.step(&actions).unwrap());
-        let ends = step % 4 == 0;
-        assert_eq!(got.finals.len(), if ends { 3 } else { 0 });
-        for (i, end) in got.finals.iter().enumerate() {
-            let d = batch.task().observation_len();
-            assert_eq!(end.observation, expected.observations[i * d..(i + 1) * d]);
-            assert_eq!((end.instance, &end.info), (i, &expected.result(i).info));
-            assert_eq!(got.rewards[i], expected.rewards[i]);
-            assert!(got.truncated[i]);
-        }
-        if ends {
-            let next = plain.reset(&[None; 3], None, &[]).unwrap();
-            assert_eq!(got.observations, next.observations);
-            assert_eq!(got.info, next.info);
-        }
-    }
-}
-
-#[test]
-fn without_autoreset_an_episode_that_is_over_must_be_reset() {
-    let mut batch = Made { autoreset: Autoreset::Disabled, max_steps: Some(2), ..Made::default() }.batch();
-    let idle = idle(&batch);
-    assert_eq!(batch.step(&idle).unwrap_err(), TaskError::NotBegun { instance: 0 });
-    let refused = batch.reset(&[None; 3], Some(&[true, false, true]), &[]).unwrap_err();
-    assert_eq!(refused, TaskError::NotBegun { instance: 1 });
-    batch.reset(&[None; 3], None, &[]).unwrap();
-    batch.step(&idle).unwrap();
-    let before = batch.step(&idle).unwrap();
-    assert_eq!(batch.step(&idle).unwrap_err(), TaskError::Over { instance: 0 });
-    let after = batch.reset(&[None; 3], Some(&[true, false, true]), &[]).unwrap();
-    let d = batch.task().observation_len();
-    assert_eq!(before.observations[d..2 * d], after.observations[d..2 * d]);
-    assert_ne!(before.observations[..d], after.observations[..d]);
-    assert_eq!(batch.step(&idle).unwrap_err(), TaskError::Over { instance: 1 });
-    batch.reset(&[None; 3], Some(&[false, true, false]), &[]).unwrap();
-    assert!(batch.step(&idle).is_ok());
-}
-
-#[test]
-fn an_instance_that_diverges_leaves_its_neighbours_alone() {
-    let made = Made { max_steps: None, ..Made::default() };
-    let (mut one, mut other) = (made.batch(), made.batch());
-    // At the edge of the bounds, on the way out.
-    let leaving = StartOverride {
-        position: Some([9.99, 0.0, 0.0]),
-        attitude: Some([1.0, 0.0, 0.0, 0.0]),
-        twist: Some([9.0, 0.0, 0.0, 0.0, 0.0, 15.0]),
-        ..Default::default()
-    };
-    let given = [StartOverride::default(), leaving, StartOverride::default()];
-    one.reset(&seeds(3), None, &given).unwrap();
-    other.reset(&seeds(3), None, &[]).unwrap();
-    let mut ended = false;
-    for step in 0..6 {
-        let actions = actions(&one, step);
-        let (a, b) = (one.step(&actions).unwrap(), other.step(&actions).unwrap());
-        ended |= a.terminated[1];
-        assert!(!a.truncated[1]);
-        assert!([0, 2].into_iter().all(|i| row(&one, &a, i) == row(&other, &b, i) && !a.terminated[i]));
-        assert!(a.observations.iter().all(|x| x.is_finite()));
-    }
-    assert!(ended);
-    assert_eq!(one.episode(1).unwrap().key().episode, 1);
-}
-
-#[test]
-fn refused_calls_change_nothing() {
-    let mut batch = Made::default().batch();
-    batch.reset(&seeds(3), None, &[]).unwrap();
-    batch.step(&actions(&batch, 0)).unwrap();
-    let before = batch.save();
-    let mut wrong = actions(&batch, 1);
-    wrong[8] = f32::NAN;
-    assert!(matches!(batch.step(&wrong).unwrap_err(), TaskError::Action { instance: 1, index: 2, .. }));
-    assert!(batch.step(&wrong[1..]).is_err());
-    let far = StartOverride { position: Some([0.0, 50.0, 0.0]), ..Default::default() };
-    let given = [StartOverride::default(), StartOverride::default(), far];
-    assert!(matches!(batch.reset(&[None; 3], None, &given).unwrap_err(), TaskError::Start { .. }));
-    assert!(batch.reset(&[None; 2], None, &[]).is_err());
-    assert!(batch.reset(&[None; 3], Some(&[true]), &[]).is_err());
-    let mut cut = before.clone();
-    cut.physics.pop();
-    assert!(batch.load(&cut).is_err());
-    cut = before.clone();
-    cut.episodes[0] = 0.5;
-    assert!(batch.load(&cut).is_err());
-    assert_eq!(batch.save(), before);
-    let (a, b) = (batch.step(&actions(&batch, 1)), Made::default().batch().step(&[2.0; 18]));
-    assert!(a.is_ok() && b.is_err());
-}
-
-#[test]
-fn beyond_the_range_actions_are_clipped() {
-    let (mut a, mut b) = (Made::default().batch(), Made::default().batch());
-    a.reset(&seeds(3), None, &[]).unwrap();
-    b.reset(&seeds(3), None, &[]).unwrap();
-    let wild: Vec<f32> = actions(&a, 0).iter().map(|x| 50.0 * x).collect();
-    let tame: Vec<f32> = wild.iter().map(|x| x.clamp(-1.0, 1.0)).collect();
-    assert_eq!(a.step(&wild).unwrap(), b.step(&tame).unwrap());
-}
-
-#[test]
-fn a_saved_batch_goes_on_as_if_nothing_had_happened() {
-    for precision in [Precision::Double, Precision::Single] {
-        for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
-            let made = Made { precision, autoreset, ..Made::default() };
-            let (mut batch, mut other) = (made.batch(), made.batch());
-            batch.reset(&seeds(3), None, &[]).unwrap();
-            for step in 0..6 {
-                batch.step(&actions(&batch, step)).unwrap();
-            }
-            other.load(&batch.save()).unwrap();
-            assert_eq!(other.save(), batch.save());
-            for step in 6..12 {
-                let actions = actions(&batch, step);
-                assert_eq!(batch.step(&actions).unwrap(), other.step(&actions).unwrap());
-            }
-        }
-    }
-    let fresh = Made::default().batch();
-    let mut other = Made::default().batch();
-    other.load(&fresh.save()).unwrap();
-    assert!(other.episode(0).is_none());
-}
-
-#[test]
-fn a_seed_starts_a_stream_of_episodes() {
-    let mut batch = Made::default().batch();
-    let first = batch.reset(&seeds(3), None, &[]).unwrap();
-    let second = batch.reset(&[None; 3], None, &[]).unwrap();
-    assert_ne!(first, second);
-    assert_eq!(batch.reset(&seeds(3), None, &[]).unwrap(), first);
-    assert_eq!(batch.reset(&[None; 3], None, &[]).unwrap(), second);
-    // A given start is an episode of the stream too.
-    let still = StartOverride { current: Some([0.0; 3]), ..Default::default() };
-    batch.reset(&[None; 3], None, &[still.clone(), still.clone(), still]).unwrap();
-    assert_eq!(batch.episode(2).unwrap().key().episode, 2);
-    assert_eq!(batch.episode(2).unwrap().current().norm(), 0.0);
-}
-
-#[test]
-fn the_pd_holds_station_and_no_action_does_not() {
-    for action in [ActionKind::Wrench, ActionKind::Thrusters] {
-        let run = |controlled: bool| {
-            let options = TaskOptions { action, ..Default::default() };
-            let simulator = SimulatorOptions { instances: 4, ..Default::default() };
-            let mut batch = TaskBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
-            let pd = classical(&batch, "pd");
-            let mut observations = batch.reset(&seeds(4), None, &[]).unwrap().observations;
-            let mut actions = idle(&batch);
-            let mut last = Vec::new();
-            for _ in 0..200 {
-                if controlled {
-                    pd.act(&observations, &mut [], &mut actions).unwrap();
-                }
-                let result = batch.step(&actions).unwrap();
-                last = result.results().collect();
-                observations = result.observations;
-            }
-            last
-        };
-        let task = uvms_gym::task::Task::new(&scene(), TaskOptions::default()).unwrap();
-        let [error, rms] = ["position_error", "rms_position_error"]
-            .map(|name| task.metric_names().iter().position(|known| *known == name).unwrap());
-        for (held, adrift) in run(true).iter().zip(run(false)) {
-            assert!(held.info[error] < 0.5 && held.info[rms] < 0.5, "{held:?}");
-            assert!(held.info[rms] < 0.5 * adrift.info[rms], "{held:?} {adrift:?}");
         }
     }
 }

@@ -289,15 +289,6 @@ fn pd_rows_are_independent_clipped_and_checked() {
     ));
 }
 
-#[test]
-fn gains_that_push_away_are_refused() {
-    let reading = ObservationIndices { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
-    let mut gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
-    gains.kd[2] = -1.0;
-    let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation(), Vec::new()));
-    assert_eq!(refused, Err(ControlError::Gain { name: "kd".into(), index: 2, value: -1.0 }));
-}
-
 fn pid(kind: ActionKind, ki: f64) -> Pid {
     let gains = PidGains { kp: [100.0; 6], kd: [30.0; 6], ki: [ki; 6] };
     Pid::new(pd(kind).indices().clone(), gains, ActionMap::new(kind, allocation(), Vec::new()), 0.1).unwrap()

@@ -273,29 +273,6 @@ fn files_of_something_else_are_refused_by_what_is_wrong() {
 }
 
 #[test]
-fn networks_that_do_not_fit_together_are_refused() {
-    let refused = |network: Network| Mlp::new(network, None, BTreeMap::new()).unwrap_err();
-    let good = || normalised(&[7, 10, 6], 4);
-    assert_eq!(refused(Network { layers: vec![], ..good() }), PolicyError::NoLayers);
-    for history in [0, 2, usize::MAX] {
-        let error = PolicyError::History { history, inputs: good().inputs() };
-        assert_eq!(refused(Network { history, ..good() }), error);
-    }
-    let mut network = good();
-    network.layers[1].weights.pop();
-    assert_eq!(refused(network), PolicyError::Layer { layer: 1, outputs: 6, inputs: 10, got: 59 });
-    let mut network = good();
-    network.layers[1].biases[2] = f32::NAN;
-    assert!(matches!(refused(network), PolicyError::NotFinite { index: 2, .. }));
-    let mut network = good();
-    network.normalisation.as_mut().unwrap().mean.pop();
-    assert!(matches!(refused(network), PolicyError::Length { got: 6, expected: 7, .. }));
-    let mut network = good();
-    network.normalisation.as_mut().unwrap().variance[1] = -0.5;
-    assert!(matches!(refused(network), PolicyError::Number { .. }));
-}
-
-#[test]
 fn policies_for_something_else_are_refused_by_the_difference() {
     let policy = policy();
     policy.check(&spec()).unwrap();

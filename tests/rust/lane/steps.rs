@@ -8,6 +8,7 @@ use uvms_gym::integrate::{Integrator, Kind};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::{Factors, State};
 
+use crate::cases::bits;
 use crate::random_scene::{Random, random_state};
 
 const INSTANCES: usize = 20;
@@ -57,13 +58,9 @@ fn run(scene: &Scene, precision: Precision, integrator: &str, varied: bool) -> V
 /// A number for all bits of the states.
 fn digest(states: &[State]) -> u64 {
     let mut sum = 0_u64;
-    for State { position, rotation, twist, q, qd, thrust, time } in states {
-        for x in
-            position.iter().chain(rotation.iter()).chain(twist.iter()).chain(q).chain(qd).chain(thrust).chain([time])
-        {
-            assert!(x.is_finite(), "{x}");
-            sum = (sum.rotate_left(5) ^ x.to_bits()).wrapping_mul(0x517c_c1b7_2722_0a95);
-        }
+    for x in states.iter().flat_map(bits) {
+        assert!(f64::from_bits(x).is_finite());
+        sum = (sum.rotate_left(5) ^ x).wrapping_mul(0x517c_c1b7_2722_0a95);
     }
     sum
 }

@@ -434,30 +434,6 @@ fn a_dict_changes_its_base() {
 }
 
 #[test]
-fn what_is_not_known_is_named_with_what_is() {
-    for (given, named, known) in [
-        (json!("hurricane"), "hurricane", "thruster-loss"),
-        (json!({ "base": "hurricane" }), "hurricane", "storm-hard"),
-        (json!({ "wind": {} }), "wind", "gust"),
-        (json!({ "wind": null }), "wind", "gust"),
-        (json!({ "gust": { "sped": 1 } }), "sped", "duration"),
-        (json!({ "gust": { "speed": "fast" } }), "gust.speed", "number"),
-        (json!({ "gust": { "speed": [1, 2, 3] } }), "gust.speed", "two"),
-        (json!({ "gust": { "speed": [0.3, 0.1] } }), "gust.speed", "0.3"),
-        (json!({ "gust": { "speed": 50 } }), "gust.speed", "5"),
-        (json!({ "waves": { "trains": 4 } }), "waves.trains", "3"),
-        (json!({ "waves": { "height": 5, "period": 2 } }), "waves.height", "0.88"),
-        (json!({ "delay": 1000 }), "delay", "100"),
-        (json!({ "parameters": { "mass": [0, 1] } }), "parameters.mass", "0.1"),
-        (json!({ "parameters": "much" }), "parameters", "ranges"),
-        (json!(3), "disturbance", "3"),
-    ] {
-        let message = refusal(given);
-        assert!(message.contains(named) && message.contains(known), "{message}");
-    }
-}
-
-#[test]
 fn what_there_is_no_room_for_is_refused() {
     let room = read(json!({ "base": "gusts", "waves": {}, "delay": 0.1 }));
     for (asked, named) in [
@@ -489,49 +465,7 @@ fn a_profile_tells_what_comes() {
     assert!(held.len() >= 79 && held.iter().all(|mass| *mass == held[0]));
 }
 
-/// JSON of any shape, with keys that are often right.
-fn any_json() -> impl Strategy<Value = Value> {
-    let word = prop_oneof![
-        prop::sample::select(Disturbance::COMPONENTS.to_vec()).prop_map(str::to_owned),
-        prop::sample::select(vec![
-            "base", "speed", "share", "height", "period", "gain", "gains", "time", "mass", "current", "storm", "x"
-        ])
-        .prop_map(str::to_owned),
-    ];
-    let leaf = prop_oneof![
-        Just(Value::Null),
-        any::<bool>().prop_map(Value::from),
-        (-10.0..10.0f64).prop_map(Value::from),
-        any::<f64>().prop_map(Value::from),
-        any::<i64>().prop_map(Value::from),
-        word.clone().prop_map(Value::from),
-    ];
-    leaf.prop_recursive(4, 24, 5, move |inner| {
-        prop_oneof![
-            prop::collection::vec(inner.clone(), 0..4).prop_map(Value::from),
-            prop::collection::hash_map(word.clone(), inner, 0..4)
-                .prop_map(|map| Value::Object(map.into_iter().collect())),
-        ]
-    })
-}
-
 proptest! {
-    #[test]
-    fn no_dict_brings_a_panic(value in any_json(), seed: u64) {
-        let Ok(disturbance) = Disturbance::from_json(&value.to_string()) else { return Ok(()) };
-        let Ok(()) = disturbance.check(&context()) else { return Ok(()) };
-        if DisturbanceRows::new(&disturbance, &context(), 0).is_some() {
-            let mut run = Run::new(&disturbance, seed);
-            for _ in 0..5 {
-                let forcing = run.next();
-                prop_assert!(forcing.velocity.0.iter().chain(&forcing.wrench.to_array()).all(|x| x.is_finite()));
-            }
-            prop_assert!(run.numbers.iter().all(|x| x.is_finite()));
-        }
-        let factors = disturbance.factors(key(seed)).to_array();
-        prop_assert!(factors.iter().all(|x| x.is_finite() && *x >= 0.0));
-    }
-
     #[test]
     fn levels_are_finite_at_any_place(seed: u64, level in 0..LEVELS.len(), x in -10.0..10.0f64, z in -10.0..10.0f64) {
         let disturbance = LEVELS[level].disturbance();

@@ -162,12 +162,3 @@ fn the_controllers_approach_speed_is_limited() {
     let near = 0.1 * servo.kd[0] / servo.kp[0];
     assert!((surge(-near, 0.0) - 0.1 * servo.kd[0]).abs() < 1e-3);
 }
-
-#[test]
-fn controllers_of_other_tasks_are_refused() {
-    let (dock, station) = (task(), task_with(TaskOptions::default()));
-    let refused = |task: &Task, kind| task.controller(kind, &GainMap::new()).err().unwrap().to_string();
-    assert!(refused(&dock, kind("pd")).contains("docking PD"));
-    assert!(refused(&dock, kind("resolved-motion")).contains("path"));
-    assert!(refused(&station, kind("dock-pd")).contains("dock"));
-}
