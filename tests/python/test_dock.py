@@ -69,20 +69,6 @@ def test_without_amplitude_the_dock_stands_still_in_waves():
     assert not position.any()
 
 
-def test_the_dock_moves_alike_in_single_and_vector_environments_and_by_the_seed_alone():
-    arguments = {"scene": BARE, "disturbance": WAVES}
-    many, lone = DockVectorEnv(9, **arguments), DockEnv(**arguments)
-    many.reset(seed=11)
-    lone.reset(seed=11 + 4)
-    for _ in range(10):
-        np.testing.assert_array_equal(many.episode["target_position"][4], lone.episode["target_position"][0])
-        np.testing.assert_array_equal(many.episode["target_rotation"][4], lone.episode["target_rotation"][0])
-        many.step(np.zeros((9, 6), dtype=np.float32))
-        lone.step(np.zeros(6, dtype=np.float32))
-    places = many.episode["target_position"]
-    assert len(np.unique(places[:, 0])) == 9
-
-
 def test_the_vector_environment_is_the_single_one_with_a_moving_arm():
     arguments = {"scene": ARM, "dtype": "float32", "disturbance": "storm", "arm": "moving"}
     envs = DockVectorEnv(3, max_episode_steps=25, **arguments)

@@ -215,25 +215,10 @@ def test_observer_and_prediction_track_better_in_a_storm():
     assert integrating < min(usual, slow)
 
 
-def test_rollouts_and_networks_work_for_tracking():
-    rng = np.random.default_rng(3)
-    env = EETrackVectorEnv(7, scene=ARM, max_episode_steps=20)
+def test_networks_know_that_they_are_for_tracking():
+    env = EETrackVectorEnv(1, scene=ARM)
     d, a = env.single_observation_space.shape[0], env.single_action_space.shape[0]
-    weights = [rng.normal(size=(8, d), scale=0.02), rng.normal(size=(a, 8), scale=0.02)]
-    mlp = uvms_gym.MLP(env, weights=weights, biases=[np.zeros(8), np.zeros(a)])
+    mlp = uvms_gym.MLP(env, weights=[np.zeros((a, d))], biases=[np.zeros(a)])
     assert mlp.spec["task"] == "UVMS-EETrack"
-    for controller in (mlp, uvms_gym.ResolvedMotion(env)):
-        observations, _ = env.reset(seed=2)
-        rollout = uvms_gym.Rollout(env, controller)
-        rollout.run(30)
-        stats = rollout.pop_stats()
-        observations, _ = env.reset(seed=2)
-        returns = np.zeros(7)
-        for _ in range(20):
-            observations, rewards, *_ = env.step(controller.predict(observations)[0])
-            returns += rewards
-        np.testing.assert_allclose(stats.returns, returns, rtol=1e-12)
-        assert (stats.steps == 20).all()
-        assert stats.truncated.all()
     with pytest.raises(ValueError, match="UVMS-EETrack"):
         mlp.native.check(StationKeepEnv(scene=ARM)._native, residual=False)
