@@ -188,6 +188,7 @@ def test_rows_do_not_depend_on_each_other_nor_on_their_number(name: str, task: s
     controller = kind(env, **gains) if gains else make_controller(name, env)
     again = pickle.loads(pickle.dumps(controller))
     np.testing.assert_equal(again.gains, controller.gains)
+    np.testing.assert_equal({gain: getattr(again, gain) for gain in again.gains}, controller.gains)
     (rows, _), state = env.reset(seed=1), None
     for step in range(12):
         actions, after = controller.predict(rows, state)

@@ -1,7 +1,6 @@
 """Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque, MPC."""
 
 import inspect
-import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -113,27 +112,11 @@ def test_in_a_storm_each_does_better_than_the_one_before() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
+def test_gains_are_checked(kind: Any) -> None:
     env = gym.make("UVMS-StationKeep-Storm-v0")
     controller = kind(env)
-    pairs = ("observer_bandwidth", "wave_acceleration", "acceleration_noise")
-    again = pickle.loads(pickle.dumps(controller))
-    observation, _ = env.reset(seed=2)
-    assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
-    feedback = ("kp", "kd", "prediction_horizon")
-    bank = ("delay_schedule", "thrust_factors", "innovation", "joint_innovation", "memory_time")
-    own = {
-        DOB: feedback,
-        AdaptiveDOB: (*feedback, *bank),
-        ComputedTorque: feedback,
-        MPC: ("velocity", "effort", "change"),
-    }
-    if kind is PDRestoring:
-        np.testing.assert_array_equal([again.kp, again.kd], [controller.kp, controller.kd])
-    else:
-        for name in (*pairs, "wave_frequency", "delay", *own[kind]):
-            np.testing.assert_array_equal(getattr(again, name), getattr(controller, name))
-        for name in pairs:
+    if kind is not PDRestoring:
+        for name in ("observer_bandwidth", "wave_acceleration", "acceleration_noise"):
             with pytest.raises(ValueError, match=rf"gain {name}\[1\] = -1"):
                 kind(env, **{name: [1.0, -1.0]})
         with pytest.raises(ValueError, match="gain wave_frequency"):
