@@ -217,6 +217,16 @@ def small(task: str) -> str:
     return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL
 
 
+def idle(env: Any) -> np.ndarray:
+    """Actions of 0."""
+    return np.zeros(env.action_space.shape, dtype=np.float32)
+
+
+def other_than(seed: int, env: Any, maximum: float = 0.1) -> np.ndarray:
+    """Actions that look random, and hurl no arm about."""
+    return np.random.default_rng(seed).uniform(-maximum, maximum, env.action_space.shape).astype(np.float32)
+
+
 def scenes_with_thrusters() -> list[str]:
     """Shipped scenes that tasks take: those with thrusters for all six axes."""
     return [name for name in uvms_gym.scene_names() if Simulator(name).num_thrusters >= 6]

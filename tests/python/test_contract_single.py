@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
-from helpers import LEAVING, control_rate, fake_moviepy, same, scenes_with_thrusters, small, task_ids
+from helpers import LEAVING, control_rate, fake_moviepy, idle, other_than, same, scenes_with_thrusters, small, task_ids
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,15 +29,6 @@ def make(task, **kwargs):
 
 def bare(task, **kwargs):
     return make(task, **kwargs).unwrapped
-
-
-def idle(env):
-    return np.zeros(env.action_space.shape, dtype=np.float32)
-
-
-def other_than(seed, env, maximum=0.1):
-    """Actions that look random, and hurl no arm about."""
-    return np.random.default_rng(seed).uniform(-maximum, maximum, env.action_space.shape).astype(np.float32)
 
 
 # Registration

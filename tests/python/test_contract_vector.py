@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from gymnasium.utils import performance
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from helpers import LEAVING, control_rate, same, scenes_with_thrusters, small, task_ids
+from helpers import LEAVING, control_rate, idle, other_than, same, scenes_with_thrusters, small, task_ids
 
 pytestmark = pytest.mark.parametrize("task", task_ids())
 MODES = list(AutoresetMode)
@@ -28,15 +28,6 @@ def make(task, n=3, **kwargs):
 def singles(task, n, mode, **kwargs):
     kwargs = {"scene": small(task), **kwargs}
     return SyncVectorEnv([lambda: gym.make(task, **kwargs)] * n, autoreset_mode=mode)
-
-
-def idle(envs):
-    return np.zeros(envs.action_space.shape, dtype=np.float32)
-
-
-def other_than(seed, envs, maximum=0.1):
-    """Actions that look random, and hurl no arm about."""
-    return np.random.default_rng(seed).uniform(-maximum, maximum, envs.action_space.shape).astype(np.float32)
 
 
 # Making them
