@@ -151,19 +151,6 @@ def test_infos_are_dicts_of_their_own_and_full_only_where_an_episode_ended():
     assert [info["episode"]["l"] for info in seen if "episode" in info] == [3] * 6
 
 
-def test_returns_begin_anew_with_every_episode():
-    venv = native(steps=4, seed=0)
-    venv.reset()
-    venv.step(np.zeros((3, 6)))
-    venv.reset()
-    total = np.zeros(3)
-    for _ in range(4):
-        _, rewards, _, infos = venv.step(np.zeros((3, 6)))
-        total += rewards
-    np.testing.assert_allclose([info["episode"]["r"] for info in infos], total, rtol=1e-5)
-    assert [info["episode"]["l"] for info in infos] == [4] * 3
-
-
 def test_refused_actions_change_nothing():
     one, other = native(seed=2), native(seed=2)
     assert same(one.reset(), other.reset())
