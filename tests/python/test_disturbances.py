@@ -238,11 +238,13 @@ def test_scripts_are_played():
     current[10:20, 0] = 0.4
     wrench = np.zeros((40, 6))
     wrench[30, 2] = 25.0
-    env = gym.make(ENV, scene=SMALL, disturbance={"script": {"current": current, "wrench": wrench}})
-    env.reset(seed=0)
-    seen = [env.step(np.zeros(6))[4] for _ in range(50)]
-    assert [info["current_x"] for info in seen] == [*current[:, 0], *[0.0] * 10]
-    assert [info["disturbance_force"] for info in seen] == [*wrench[:, 2], *[0.0] * 10]
+    for repeat in (False, True):
+        script = {"current": current, "wrench": wrench, "repeat": repeat}
+        env = gym.make(ENV, scene=SMALL, disturbance={"script": script})
+        env.reset(seed=0)
+        seen = [env.step(np.zeros(6))[4] for _ in range(80)]
+        assert [info["current_x"] for info in seen] == [*current[:, 0], *(repeat * current[:, 0])]
+        assert [info["disturbance_force"] for info in seen] == [*wrench[:, 2], *(repeat * wrench[:, 2])]
 
 
 def test_specs_carry_disturbances():

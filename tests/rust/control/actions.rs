@@ -267,28 +267,6 @@ fn pd_pushes_back_along_every_axis() {
     }
 }
 
-#[test]
-fn pd_rows_are_independent_clipped_and_checked() {
-    let pd = pd(ActionKind::Wrench);
-    let mut rows = [0.0f32; 36];
-    rows[12..24].fill(50.0);
-    rows[24] = -0.3;
-    let mut actions = [9.0f32; 18];
-    pd.act(&rows, &mut [], &mut actions).unwrap();
-    assert_eq!(actions[..6], [0.0; 6]);
-    assert_eq!(actions[6..12], [-1.0; 6]);
-    let mut alone = [0.0f32; 6];
-    pd.act(&rows[24..], &mut [], &mut alone).unwrap();
-    assert_eq!(actions[12..], alone);
-    assert!(alone[0] > 0.0);
-    assert!(matches!(pd.act(&rows[1..], &mut [], &mut actions), Err(ControlError::Shape { what: "observations", .. })));
-    assert!(matches!(pd.act(&rows, &mut [0.0], &mut actions), Err(ControlError::Shape { what: "memory", .. })));
-    assert!(matches!(
-        pd.act(&rows, &mut [], &mut actions[1..]),
-        Err(ControlError::Shape { got: 17, expected: 18, .. })
-    ));
-}
-
 fn pid(kind: ActionKind, ki: f64) -> Pid {
     let gains = PidGains { kp: [100.0; 6], kd: [30.0; 6], ki: [ki; 6] };
     Pid::new(pd(kind).indices().clone(), gains, ActionMap::new(kind, allocation(), Vec::new()), 0.1).unwrap()
@@ -386,26 +364,4 @@ fn no_control_is_no_action() {
     NoControl::new(widths).act(&[0.5; 36], &mut [], &mut actions).unwrap();
     assert_eq!(actions, [0.0; 24]);
     assert!(NoControl::new(widths).act(&[0.5; 35], &mut [], &mut actions).is_err());
-}
-
-#[test]
-fn gains_are_merged_by_name_and_checked() {
-    let own = FeedbackGains { kp: [3.0; 6], ..FeedbackGains::default() };
-    let given = |text: &str| serde_json::from_str::<GainMap>(text).unwrap();
-    let merged = merge(&own, &given(r#"{"kd": [1, 2, 3, 4, 5, 6.5], "delay": 2, "wave_frequency": null}"#)).unwrap();
-    let observer = ObserverGains { delay: 2, ..ObserverGains::default() };
-    assert_eq!(merged, FeedbackGains { kd: [1.0, 2.0, 3.0, 4.0, 5.0, 6.5], observer, ..own.clone() });
-    for (text, error) in [
-        (r#"{"kq": 1}"#, "unknown gain 'kq'; known: kp, kd, observer_bandwidth,"),
-        (r#"{"kp": [1, 2]}"#, "gain kp is [1,2], but must be 6 numbers"),
-        (r#"{"kp": 1}"#, "gain kp is 1, but must be 6 numbers"),
-        (r#"{"prediction_horizon": [1]}"#, "gain prediction_horizon is [1], but must be a number"),
-        (r#"{"delay": 1.5}"#, "gain delay is 1.5, but must be a whole number"),
-        (r#"{"delay": -1}"#, "gain delay[0] = -1: must be finite and not negative"),
-        (r#"{"kp": [1, 1, 1, 1, 1, -0.5]}"#, "gain kp[5] = -0.5: must be finite and not negative"),
-    ] {
-        let refused = merge(&own, &given(text)).unwrap_err().to_string();
-        assert!(refused.starts_with(error), "{refused}");
-    }
-    assert!(matches!(gain_value("kp", &[1.0, f64::INFINITY], true), Err(ControlError::Gain { index: 1, .. })));
 }

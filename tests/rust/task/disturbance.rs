@@ -315,22 +315,6 @@ fn thrusters_lose_what_they_should_when_they_should() {
 }
 
 #[test]
-fn a_delay_shows_the_past_exactly() {
-    let mut run = Run::new(&read(json!({ "delay": 0.15 })), 1);
-    let measured = run.kernel.sensors().unwrap().measured;
-    let truth = |step: usize| std::array::from_fn(|k| if k < measured { (step * 100 + k) as f64 } else { 0.0 });
-    let first = run.see(&truth(0));
-    assert_eq!(first, [0.0; MEASURED]);
-    let sensors = *run.kernel.sensors().unwrap();
-    sensors.fill(&mut Column::of_one(&mut run.numbers));
-    let seen: [f64; MEASURED] = sensors.reading(&Rows::of_one(&mut run.numbers));
-    assert_eq!(seen, truth(0), "before the start it was as at the start");
-    for step in 1..20 {
-        assert_eq!(run.see(&truth(step)), truth(step.saturating_sub(3)));
-    }
-}
-
-#[test]
 fn noise_has_its_deviation_and_a_bias_stays() {
     let noise = json!({ "position": 0.01, "attitude": 0.02, "joint_rate": 0.5, "bias": 2.0 });
     let mut run = Run::new(&read(json!({ "noise": noise })), 1);
@@ -361,22 +345,6 @@ fn noise_has_its_deviation_and_a_bias_stays() {
     };
     let square = (0..1000).map(|seed| bias(seed) * bias(seed)).sum::<f64>() / 1000.0;
     assert!((square - 1.0).abs() < 0.25, "{square}");
-}
-
-#[test]
-fn a_script_is_played_as_written() {
-    let current = [[0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.3, 0.1, 0.0]];
-    let wrench = [[1.0, 0.0, 0.0, 0.0, 0.0, 2.0]];
-    let script = json!({ "current": current, "wrench": wrench });
-    let mut run = Run::new(&read(json!({ "script": script })), 1);
-    for step in 0..6 {
-        let forcing = run.next();
-        assert_eq!(forcing.velocity.0, current.get(step).copied().unwrap_or_default());
-        assert_eq!(forcing.wrench.to_array(), wrench.get(step).copied().unwrap_or_default());
-    }
-    let mut run = Run::new(&read(json!({ "script": { "current": current, "repeat": true } })), 1);
-    let series: Vec<_> = (0..6).map(|_| run.next().velocity.0).collect();
-    assert_eq!(series, [current, current].concat());
 }
 
 #[test]
