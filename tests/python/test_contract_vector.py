@@ -129,11 +129,13 @@ def test_native_is_a_sync_vector_of_singles(task, mode, n, threads, kwargs):
     assert ends > 1
 
 
-@pytest.mark.parametrize("n", [9, 300])
-def test_the_number_of_threads_changes_no_bit(task, n):
+@pytest.mark.parametrize(
+    ("n", "options"), [(9, {}), (300, {}), (530, {"autoreset_mode": "SameStep", "dtype": "float32"})]
+)
+def test_the_number_of_threads_changes_no_bit(task, n, options):
     runs = []
     for threads in (1, 2, 3, 16):
-        envs = make(task, n, threads=threads, substeps=1, max_episode_steps=3)
+        envs = make(task, n, threads=threads, substeps=1, max_episode_steps=3, **options)
         results = [envs.reset(seed=0)]
         results += [envs.step(other_than(k, envs)) for k in range(5)]
         runs.append(results)

@@ -70,31 +70,6 @@ def test_environments_show_them_on_request():
     assert infos["_error_estimate"].all() and (infos["error_estimate"] > 0.0).any(axis=1).all()
 
 
-def needles(n: int, **options: object) -> Simulator:
-    """Bodies with moments 1e-8 of each other that spin so fast that a step errs."""
-    scene = single_body("needle", {"mass": 1.0, "inertia": [1.0, 1.0, 1e-8]})
-    simulator = Simulator(scene, n, **options)
-    simulator.set_state(twist=[0, 0, 0, 0.2, -0.3, 60.0])
-    return simulator
-
-
-@pytest.mark.parametrize("n", [1, 64])
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_errors_are_watched_by_default(n, dtype):
-    with pytest.warns(uvms_gym.StepWarning, match="instance 0.*: errors have added up") as said:
-        simulator = needles(n, dtype=dtype)
-        for _ in range(50):
-            simulator.step(substeps=10)
-    assert len(said) == 1 and said[0].filename == __file__
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        unwatched, finer = needles(n, dtype=dtype, error_estimate=False), needles(n, dtype=dtype, dt=0.001)
-        for quiet in (unwatched, finer):
-            for _ in range(50):
-                quiet.step(substeps=round(0.1 / quiet.dt))
-    np.testing.assert_array_equal(simulator.twist, unwatched.twist)
-
-
 @pytest.mark.parametrize("n", [1, 32])
 def test_environments_watch_errors_by_default(n):
     def warned(**options):

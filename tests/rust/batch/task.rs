@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
-use uvms_gym::batch::{Autoreset, Precision, Rollout, RolloutStats, SimulatorOptions, TaskBatch, Transition};
+use uvms_gym::batch::{Autoreset, Precision, Rollout, RolloutStats, SimulatorOptions, TaskBatch};
 use uvms_gym::control::{ActionKind, Controller, GainMap};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::ClosedFormModel;
@@ -57,15 +57,6 @@ fn actions(batch: &TaskBatch, step: usize) -> Vec<f32> {
     (0..batch.instances() * width).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect()
 }
 
-/// Rows of instance `i`, as bits.
-fn row(batch: &TaskBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
-    let d = batch.task().observation_len();
-    let verdict = step.result(i);
-    let numbers = verdict.info.iter().chain([&verdict.reward]).map(|x| x.to_bits()).collect();
-    let observation = step.observations[i * d..(i + 1) * d].iter().map(|x| x.to_bits()).collect();
-    (observation, numbers, verdict.terminated, verdict.truncated)
-}
-
 #[test]
 fn the_end_effector_is_where_the_closed_form_has_it() {
     for seed in 0..60 {
@@ -79,31 +70,6 @@ fn the_end_effector_is_where_the_closed_form_has_it() {
     }
     let bare = EndEffector::new(&Scene::shipped("bluerov2-heavy").unwrap()).pose(&[0.0; 9]);
     assert_eq!(bare, (Matrix3::identity(), nalgebra::Vector3::zeros()));
-}
-
-#[test]
-fn an_instance_does_not_know_how_many_there_are_nor_on_which_thread_it_is() {
-    for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
-        for precision in [Precision::Double, Precision::Single] {
-            let made =
-                |instances, threads| Made { instances, threads, autoreset, precision, ..Made::default() }.batch();
-            let (mut many, mut shared, mut few) = (made(530, 1), made(530, 3), made(2, 1));
-            let starts = many.reset(&seeds(530), None, &[]).unwrap();
-            assert_eq!(starts, shared.reset(&seeds(530), None, &[]).unwrap());
-            few.reset(&seeds(2), None, &[]).unwrap();
-            for step in 0..11 {
-                let all = actions(&many, step);
-                let (a, b) = (many.step(&all).unwrap(), shared.step(&all).unwrap());
-                let c = few.step(&all[..2 * few.task().action_len()]).unwrap();
-                for i in 0..530 {
-                    assert_eq!(row(&many, &a, i), row(&shared, &b, i), "step {step}, instance {i}");
-                }
-                assert_eq!(a.finals, b.finals);
-                assert_eq!(c.finals.len(), a.finals.iter().filter(|end| end.instance < 2).count());
-                assert!((0..2).all(|i| row(&many, &a, i) == row(&few, &c, i)), "step {step}");
-            }
-        }
-    }
 }
 
 #[test]

@@ -62,11 +62,11 @@ fn dense(m: &Matrix3<f64>) -> na::Matrix3<f64> {
     na::Matrix3::from_fn(|i, k| m.0[i][k])
 }
 
-fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
+pub fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
     Vector6::from_array((*x).into())
 }
 
-fn six(x: Vector6<f64>) -> na::Vector6<f64> {
+pub fn six(x: Vector6<f64>) -> na::Vector6<f64> {
     x.to_array().into()
 }
 

@@ -4,20 +4,13 @@ mod point;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use crate::lie::{lanes, six};
 use crate::random_scene::Random;
 use nalgebra as na;
 use proptest::prelude::*;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3, Vector6, ad};
 use uvms_gym::spatial::{LinkTwist, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
-
-fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
-    Vector6::from_array((*x).into())
-}
-
-fn six(x: Vector6<f64>) -> na::Vector6<f64> {
-    x.to_array().into()
-}
 
 fn dense(a: &SpatialInertia<f64>) -> na::Matrix6<f64> {
     na::Matrix6::from_fn(|i, k| a.entry(i, k))
