@@ -2,97 +2,101 @@
 
 use super::frames::{Acted, BLOCK, GradientWidths, pack, unpack};
 use crate::control::ACTIONS;
-use crate::lane::{Dual, Kernel, Lane, Rows};
+use crate::lane::{Dual, Kernel, Lane, Real, Rows};
 use crate::task::definition::{TaskDefinition, TaskKernel};
 use crate::task::kernel::Command;
 
-/// Kernel of [`super::TaskGradient::act_vjp`].
-pub(super) struct ActGradient<'a, K: TaskDefinition> {
-    pub kernel: &'a TaskKernel<f64, K>,
-    pub widths: GradientWidths,
-    pub frames: &'a Acted<'a>,
-    pub cotangents: &'a [f64],
-    pub out: Vec<f64>,
+/// Result of [`super::TaskGradient::act_vjp`].
+pub(super) fn act_vjp<K: TaskDefinition>(
+    kernel: &TaskKernel<f64, K>,
+    widths: GradientWidths,
+    frames: &Acted<'_>,
+    cotangents: &[f64],
+) -> Vec<f64> {
+    let GradientWidths { action: a, force, memory: coordinates, .. } = widths;
+    let count = frames.actions.len() / a;
+    let mut block = ActBlock {
+        kernel,
+        widths,
+        corrects: frames.base.is_some(),
+        count: 0,
+        memory: vec![0.0; 2 * BLOCK * widths.rows],
+        actions: vec![0.0; BLOCK * a],
+        base: vec![0.0; BLOCK * a],
+        cotangents: vec![0.0; BLOCK * (force + coordinates)],
+        out: vec![0.0; BLOCK * (2 * a + coordinates)],
+    };
+    let mut out = vec![0.0; count * (2 * a + coordinates)];
+    for first in (0..count).step_by(BLOCK) {
+        pack(frames.memory, 0..widths.rows, widths.rows, first, &mut block.memory);
+        pack(frames.actions, 0..a, a, first, &mut block.actions);
+        if let Some(base) = frames.base {
+            pack(base, 0..a, a, first, &mut block.base);
+        }
+        pack(cotangents, 0..force + coordinates, force + coordinates, first, &mut block.cotangents);
+        // The action overwrites its own rows of the memory; the others stay.
+        block.out[2 * a * BLOCK..].copy_from_slice(&block.cotangents[force * BLOCK..]);
+        block.out[2 * a * BLOCK..(3 * a + 4) * BLOCK].fill(0.0);
+        block.count = BLOCK.min(count - first);
+        f64::dispatch_wide(&mut block);
+        unpack(&block.out, 2 * a + coordinates, first, &mut out);
+    }
+    out
 }
 
-impl<K: TaskDefinition> Kernel<f64> for ActGradient<'_, K> {
+/// Columns of frames before the physics.
+struct ActBlock<'a, K: TaskDefinition> {
+    kernel: &'a TaskKernel<f64, K>,
+    widths: GradientWidths,
+    /// Actions are corrections to a base controller's.
+    corrects: bool,
+    count: usize,
+    /// Values, and behind them slopes.
+    memory: Vec<f64>,
+    actions: Vec<f64>,
+    base: Vec<f64>,
+    cotangents: Vec<f64>,
+    out: Vec<f64>,
+}
+
+impl<K: TaskDefinition> Kernel<f64> for ActBlock<'_, K> {
+    /// One pass for each entry of action, base and previous action.
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
-        let (widths, rows) = (self.widths, &self.kernel.rows);
-        let GradientWidths { action: a, force, memory: coordinates, .. } = widths;
-        let count = self.frames.actions.len() / a;
-        let mut memory = vec![0.0; 2 * BLOCK * widths.rows];
-        let mut saved = vec![0.0; BLOCK * widths.rows];
-        let mut actions = vec![0.0; BLOCK * a];
-        let mut base = vec![0.0; BLOCK * a];
-        let mut cotangents = vec![0.0; BLOCK * (force + coordinates)];
-        let mut out = vec![0.0; BLOCK * (2 * a + coordinates)];
-        for first in (0..count).step_by(BLOCK) {
-            pack(self.frames.memory, widths.rows, first, &mut saved);
-            memory[..saved.len()].copy_from_slice(&saved);
-            memory[saved.len()..].fill(0.0);
-            pack(self.frames.actions, a, first, &mut actions);
-            if let Some(given) = self.frames.base {
-                pack(given, a, first, &mut base);
-            }
-            pack(self.cotangents, force + coordinates, first, &mut cotangents);
-            // The action overwrites its own rows of the memory; the others stay.
-            out[2 * a * BLOCK..].copy_from_slice(&cotangents[force * BLOCK..]);
-            out[2 * a * BLOCK..(3 * a + 4) * BLOCK].fill(0.0);
-            for group in (0..BLOCK.min(count - first)).step_by(L::LANES) {
-                for along in 0..3 * a {
-                    if self.frames.base.is_none() && (a..2 * a).contains(&along) {
-                        continue;
-                    }
-                    let sum: L = self.pass(&[&actions, &base, &cotangents], &mut memory, group, along);
-                    sum.store(&mut out[along * BLOCK + group..]);
-                    let written = rows.action * BLOCK..rows.integral * BLOCK;
-                    memory[written.clone()].copy_from_slice(&saved[written.clone()]);
-                    memory[saved.len() + written.start..saved.len() + written.end].fill(0.0);
-                }
-            }
-            unpack(&out, 2 * a + coordinates, first, &mut self.out);
-        }
-    }
-}
-
-impl<K: TaskDefinition> ActGradient<'_, K> {
-    /// Product of the cotangents with the derivatives along coordinate `along` of action, base and previous action.
-    #[inline(always)]
-    fn pass<L: Lane<Real = f64>>(
-        &self,
-        [actions, base, cotangents]: &[&[f64]; 3],
-        memory: &mut [f64],
-        group: usize,
-        along: usize,
-    ) -> L {
-        let (kernel, a) = (self.kernel, self.widths.action);
-        let rows = &kernel.rows;
-        let half = memory.len() / 2;
-        if along >= 2 * a {
-            L::c(1.0).store(&mut memory[half + (rows.action + along - 2 * a) * BLOCK + group..]);
-        }
-        let mut memory = Rows::of_block(memory, group);
-        let (mut action, mut correction) = ([Dual::zero(); ACTIONS], [Dual::zero(); ACTIONS]);
-        for k in 0..a {
-            let [by_action, by_base] = [along == k, along == a + k];
-            action[k] = Dual::new(L::load(&actions[k * BLOCK + group..]), L::c(f64::from(u8::from(by_action))));
-            correction[k] = Dual::new(L::load(&base[k * BLOCK + group..]), L::c(f64::from(u8::from(by_base))));
-        }
+        let (kernel, widths, corrects) = (self.kernel, self.widths, self.corrects);
+        let (a, row, thrusters) = (widths.action, kernel.rows.action, kernel.actuation.thrusters());
+        let (zero, one) = (L::zero(), L::c(1.0));
         let mut command = Command::none();
-        let base = if self.frames.base.is_some() { Some(&correction) } else { None };
-        kernel.act(&mut memory, &mut action, base, &mut command);
-        let thrusters = kernel.actuation.thrusters();
-        let mut sum = L::zero();
-        for k in 0..self.widths.force {
-            let force: Dual<L> =
-                if k < thrusters { command.actuated.thrusts[k] } else { command.actuated.torques[k - thrusters] };
-            sum = force.slope.mul_add(L::load(&cotangents[k * BLOCK + group..]), sum);
+        for group in (0..self.count).step_by(L::LANES) {
+            let mut memory = Rows::of_block(&mut self.memory, group);
+            let mut previous = [zero; ACTIONS];
+            for k in 0..a {
+                previous[k] = memory.get::<Dual<L>>(row + k).value;
+            }
+            for along in 0..3 * a {
+                if !corrects && along >= a && along < 2 * a {
+                    continue;
+                }
+                let (mut action, mut base) = ([Dual::zero(); ACTIONS], [Dual::zero(); ACTIONS]);
+                for k in 0..a {
+                    let at = k * BLOCK + group;
+                    action[k] = Dual::new(L::load(&self.actions[at..]), if along == k { one } else { zero });
+                    base[k] = Dual::new(L::load(&self.base[at..]), if along == a + k { one } else { zero });
+                    memory.set(row + k, Dual::new(previous[k], if along == 2 * a + k { one } else { zero }));
+                }
+                kernel.act(&mut memory, &mut action, if corrects { Some(&base) } else { None }, &mut command);
+                let (cotangents, mut sum) = (&self.cotangents[group..], zero);
+                for k in 0..widths.force {
+                    let actuated = &command.actuated;
+                    let force = if k < thrusters { actuated.thrusts[k] } else { actuated.torques[k - thrusters] };
+                    sum = force.slope.mul_add(L::load(&cotangents[k * BLOCK..]), sum);
+                }
+                for k in 0..a + 4 {
+                    let number: Dual<L> = memory.get(row + k);
+                    sum = number.slope.mul_add(L::load(&cotangents[(widths.force + k) * BLOCK..]), sum);
+                }
+                sum.store(&mut self.out[along * BLOCK + group..]);
+            }
         }
-        for k in 0..a + 4 {
-            let number: Dual<L> = memory.get(rows.action + k);
-            sum = number.slope.mul_add(L::load(&cotangents[(self.widths.force + k) * BLOCK + group..]), sum);
-        }
-        sum
     }
 }

@@ -1,26 +1,62 @@
 //! Gradient through the evaluation of a state.
 
-use super::frames::{BLOCK, Evaluated, GradientWidths, memory_row, pack, pack_rows, unpack};
-use crate::lane::{Dual, Kernel, Lane, Rows};
+use super::frames::{BLOCK, Evaluated, GradientWidths, memory_row, pack, unpack};
+use crate::lane::{Dual, Kernel, Lane, Real, Rows};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::JOINTS;
 use crate::task::definition::{ControlInstant, TaskDefinition, TaskKernel};
 use crate::task::disturbance::MEASURED;
 use crate::task::observation::{LONGEST, ObservationWriter};
-use crate::task::pose::StageState;
+use crate::task::pose::{PoseError, StageState};
 use crate::task::reward::squared_pose_error;
 
-/// Kernel of [`super::TaskGradient::evaluate_vjp`].
-pub(super) struct EvaluateGradient<'a, K: TaskDefinition> {
-    pub kernel: &'a TaskKernel<f64, K>,
-    pub widths: GradientWidths,
-    pub frames: &'a Evaluated<'a>,
-    pub cotangents: &'a [f64],
-    pub out: Vec<f64>,
+/// Result of [`super::TaskGradient::evaluate_vjp`].
+pub(super) fn evaluate_vjp<K: TaskDefinition>(
+    kernel: &TaskKernel<f64, K>,
+    widths: GradientWidths,
+    frames: &Evaluated<'_>,
+    cotangents: &[f64],
+) -> Vec<f64> {
+    let (count, rows, state) = (frames.fresh.len(), widths.rows, widths.state_numbers());
+    let inputs = widths.state + widths.measurement + widths.memory;
+    let outputs = widths.observation + 1 + widths.measurement + widths.memory;
+    let mut block = EvaluateBlock {
+        kernel,
+        widths,
+        perfect: frames.perfect,
+        count: 0,
+        states: vec![0.0; BLOCK * state],
+        fresh: [0.0; BLOCK],
+        memory: vec![0.0; 2 * BLOCK * rows],
+        saved: vec![0.0; BLOCK * rows],
+        cotangents: vec![0.0; BLOCK * outputs],
+        out: vec![0.0; BLOCK * inputs],
+        entries: vec![0.0; 2 * LONGEST * BLOCK],
+    };
+    let [first_updated, updated] = kernel.rows.task.updated;
+    let mut out = vec![0.0; count * inputs];
+    for first in (0..count).step_by(BLOCK) {
+        pack(frames.memory, 0..rows, rows, first, &mut block.saved);
+        pack(frames.before, first_updated..first_updated + updated, rows, first, &mut block.saved);
+        block.memory[..BLOCK * rows].copy_from_slice(&block.saved);
+        pack(frames.states, 0..state, state, first, &mut block.states);
+        pack(cotangents, 0..outputs, outputs, first, &mut block.cotangents);
+        for column in 0..BLOCK {
+            block.fresh[column] = f64::from(u8::from(frames.fresh[(first + column).min(count - 1)]));
+        }
+        block.count = BLOCK.min(count - first);
+        f64::dispatch_wide(&mut block);
+        unpack(&block.out, inputs, first, &mut out);
+    }
+    out
 }
 
 /// Columns of frames after the physics.
-struct EvaluateBlock {
+struct EvaluateBlock<'a, K: TaskDefinition> {
+    kernel: &'a TaskKernel<f64, K>,
+    widths: GradientWidths,
+    perfect: bool,
+    count: usize,
     states: Vec<f64>,
     fresh: [f64; BLOCK],
     /// Memory: values, and behind them slopes.
@@ -35,51 +71,27 @@ struct EvaluateBlock {
     entries: Vec<f32>,
 }
 
-impl<K: TaskDefinition> Kernel<f64> for EvaluateGradient<'_, K> {
+impl<K: TaskDefinition> Kernel<f64> for EvaluateBlock<'_, K> {
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
-        let (widths, [first_updated, updated]) = (self.widths, self.kernel.rows.task.updated);
-        let inputs = widths.state + widths.measurement + widths.memory;
-        let outputs = widths.observation + 1 + widths.measurement + widths.memory;
-        let count = self.frames.fresh.len();
-        let mut block = EvaluateBlock {
-            states: vec![0.0; BLOCK * widths.state_numbers()],
-            fresh: [0.0; BLOCK],
-            memory: vec![0.0; 2 * BLOCK * widths.rows],
-            saved: vec![0.0; BLOCK * widths.rows],
-            cotangents: vec![0.0; BLOCK * outputs],
-            out: vec![0.0; BLOCK * inputs],
-            entries: vec![0.0; 2 * LONGEST * BLOCK],
-        };
-        for first in (0..count).step_by(BLOCK) {
-            pack(self.frames.memory, widths.rows, first, &mut block.saved);
-            let own = first_updated..first_updated + updated;
-            pack_rows(self.frames.before, widths.rows, own, first, &mut block.saved);
-            block.memory[..block.saved.len()].copy_from_slice(&block.saved);
-            pack(self.frames.states, widths.state_numbers(), first, &mut block.states);
-            pack(self.cotangents, outputs, first, &mut block.cotangents);
-            for column in 0..BLOCK {
-                block.fresh[column] = if self.frames.fresh[(first + column).min(count - 1)] { 1.0 } else { 0.0 };
-            }
-            for group in (0..BLOCK.min(count - first)).step_by(L::LANES) {
-                self.group::<L>(&mut block, group);
-            }
-            unpack(&block.out, inputs, first, &mut self.out);
+        for group in (0..self.count).step_by(L::LANES) {
+            self.group::<L>(group);
         }
     }
 }
 
-impl<K: TaskDefinition> EvaluateGradient<'_, K> {
+impl<K: TaskDefinition> EvaluateBlock<'_, K> {
     /// Cotangents of the inputs of a group of frames. The parts that all tasks share and that are linear are differentiated by
     /// hand: scales of an observation, and the integral. All else is differentiated along one coordinate after the other.
     #[inline(always)]
-    fn group<L: Lane<Real = f64>>(&self, block: &mut EvaluateBlock, group: usize) {
+    fn group<L: Lane<Real = f64>>(&mut self, group: usize) {
         let (kernel, widths, rows) = (self.kernel, &self.widths, &self.kernel.rows);
-        let EvaluateBlock { states, fresh, memory, saved, cotangents, out, entries } = block;
+        let Self { perfect, states, fresh, memory, saved, cotangents, out, entries, .. } = self;
         let (n, a, zero) = (rows.joints, rows.actions, L::zero());
         let values = state_values::<L>(states, group, n);
         let at = ControlInstant::new(kernel, Rows::of_block(memory, group), &values);
         let (in_bounds, truth) = (at.in_bounds(), at.true_values());
+        let error = at.error;
         let fresh = L::c(0.5).lt(L::load(&fresh[group..]));
         let observed = Cotangents { scaling: &kernel.scaling, columns: &cotangents[group..] };
         let own_end = widths.observation - a - 6;
@@ -110,7 +122,7 @@ impl<K: TaskDefinition> EvaluateGradient<'_, K> {
             };
             let home = if (12..12 + n).contains(&k) { kernel.home[k - 12] } else { 0.0 };
             let cotangent = observed.entry(entry, truth[k] - L::splat(home));
-            if self.frames.perfect {
+            if *perfect {
                 by_truth[k] = cotangent;
             } else {
                 by_measured[k] += cotangent;
@@ -131,14 +143,19 @@ impl<K: TaskDefinition> EvaluateGradient<'_, K> {
         let measured_inputs = K::MEASURED_INPUTS.min(widths.measurement);
         let (measured_end, effort_end) = (widths.state + measured_inputs, widths.state + measured_inputs + 4);
         for along in 0..effort_end + updated {
-            let state = seeded_state(&values, n, along);
-            let mut at = ControlInstant::new(kernel, Rows::of_block(memory, group), &state);
+            let (state, memory) = (seeded_state(&values, n, along), Rows::of_block(memory, group));
+            // Only pose and joint coordinates change the pose error.
+            let mut at = if along < 6 + n {
+                ControlInstant::new(kernel, memory, &state)
+            } else {
+                ControlInstant { kernel, memory, state: &state, error: constant_error(&error) }
+            };
             let truth = at.true_values();
             let (mut measured, mut sum) = (truth, zero);
             for k in 0..widths.measurement {
                 let seeded = along < measured_end && along == widths.state + k;
                 let given = Dual::new(truth[k].value, if seeded { L::c(1.0) } else { zero });
-                measured[k] = if self.frames.perfect { truth[k] } else { Dual::select(fresh, truth[k], given) };
+                measured[k] = if *perfect { truth[k] } else { Dual::select(fresh, truth[k], given) };
                 sum = truth[k].slope.mul_add(by_truth[k], sum);
             }
             let (mut input, mut row) = (along, None);
@@ -207,6 +224,21 @@ impl Cotangents<'_> {
         let beyond = L::splat(bound).lt((value * L::splat(by)).abs());
         L::select(beyond, L::zero(), self.get::<L>(k) * L::splat(by))
     }
+}
+
+/// A pose error that no coordinate changes.
+#[inline(always)]
+fn constant_error<L: Lane<Real = f64>>(error: &PoseError<L>) -> PoseError<Dual<L>> {
+    let (mut position, mut rotation, mut turn) = ([Dual::zero(); 3], [Dual::zero(); 3], [[Dual::zero(); 3]; 3]);
+    for i in 0..3 {
+        position[i] = Dual::new(error.position.0[i], L::zero());
+        rotation[i] = Dual::new(error.rotation.0[i], L::zero());
+        for k in 0..3 {
+            turn[i][k] = Dual::new(error.turn.0[i][k], L::zero());
+        }
+    }
+    let angle = Dual::new(error.angle, L::zero());
+    PoseError { position: Vector3(position), rotation: Vector3(rotation), angle, turn: Matrix3(turn) }
 }
 
 /// States of a group of frames.

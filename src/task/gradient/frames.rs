@@ -89,13 +89,8 @@ pub(super) fn memory_row(rows: &EpisodeRows, k: usize) -> usize {
     if k < common { rows.action + k } else { rows.task.updated[0] + k - common }
 }
 
-/// Copies rows of frames (k, width) to the columns of a block; columns past the last frame repeat it.
-pub(super) fn pack<T: Real>(frames: &[T], width: usize, first: usize, block: &mut [f64]) {
-    pack_rows(frames, width, 0..width, first, block);
-}
-
-/// As [`pack`], for some of the rows.
-pub(super) fn pack_rows<T: Real>(frames: &[T], width: usize, rows: Range<usize>, first: usize, block: &mut [f64]) {
+/// Copies some rows of frames (k, width) to the columns of a block; columns past the last frame repeat it.
+pub(super) fn pack<T: Real>(frames: &[T], rows: Range<usize>, width: usize, first: usize, block: &mut [f64]) {
     let last = frames.len() / width - 1;
     for column in 0..BLOCK {
         let frame = &frames[(first + column).min(last) * width..];

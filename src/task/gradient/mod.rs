@@ -12,8 +12,6 @@ mod act;
 mod evaluate;
 mod frames;
 
-use act::ActGradient;
-use evaluate::EvaluateGradient;
 use frames::check;
 pub use frames::{Acted, Evaluated, GradientWidths};
 
@@ -21,7 +19,7 @@ use super::definition::{TaskDefinition, TaskKernel};
 use super::kernel::Command;
 use crate::control::ACTIONS;
 use crate::error::TaskError;
-use crate::lane::{Real, Rows};
+use crate::lane::Rows;
 
 /// Gradients through the kernels of a task. Numbers are by frames, (k, .).
 ///
@@ -74,10 +72,7 @@ impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
     fn act_vjp(&self, frames: &Acted<'_>, cotangents: &[f64]) -> Result<Vec<f64>, TaskError> {
         let widths = self.widths();
         frames.check(&widths, Some(cotangents))?;
-        let out = vec![0.0; frames.actions.len() / widths.action * (2 * widths.action + widths.memory)];
-        let mut kernel = ActGradient { kernel: self, widths, frames, cotangents, out };
-        f64::dispatch_wide(&mut kernel);
-        Ok(kernel.out)
+        Ok(act::act_vjp(self, widths, frames, cotangents))
     }
 
     fn evaluate_vjp(&self, frames: &Evaluated<'_>, cotangents: &[f64]) -> Result<Vec<f64>, TaskError> {
@@ -89,9 +84,6 @@ impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
             ("before", frames.before.len(), k * widths.rows),
             ("cotangents", cotangents.len(), k * outputs),
         ])?;
-        let out = vec![0.0; k * (widths.state + widths.measurement + widths.memory)];
-        let mut kernel = EvaluateGradient { kernel: self, widths, frames, cotangents, out };
-        f64::dispatch_wide(&mut kernel);
-        Ok(kernel.out)
+        Ok(evaluate::evaluate_vjp(self, widths, frames, cotangents))
     }
 }
