@@ -158,5 +158,5 @@ def test_the_dock_is_drawn():
 def test_controllers_by_name():
     env = gym.make(ENV, scene=BARE)
     assert isinstance(uvms_gym.make_controller("dock-pd", env), DockPD)
-    with pytest.raises(ValueError, match="not for UVMS-Dock; known: none, "):
+    with pytest.raises(ValueError, match="not for UVMS-Dock; for it: none, "):
         uvms_gym.make_controller("pd", env)
