@@ -346,18 +346,6 @@ fn integral_does_not_wind_up_on_an_axis_without_thrust() {
 }
 
 #[test]
-fn integral_gains_follow_from_the_others() {
-    for ki in PidGains::from_pd(VehicleServo { kp: [100.0; 6], kd: [30.0; 6] }).ki {
-        let (integral_time, derivative_time): (f64, f64) = (100.0 / ki, 30.0 / 100.0);
-        assert!((integral_time - 2.0 * derivative_time).abs() < 1e-12);
-    }
-    let gains = PidGains { ki: [f64::NAN; 6], ..PidGains::default() };
-    let map = ActionMap::new(ActionKind::Wrench, allocation(), Vec::new());
-    let refused = Pid::new(pd(ActionKind::Wrench).indices().clone(), gains, map, 0.1);
-    assert!(matches!(refused, Err(ControlError::Gain { name, index: 0, .. }) if name == "ki"));
-}
-
-#[test]
 fn no_control_is_no_action() {
     let widths = Widths { observation: 12, memory: 0, action: 8 };
     let mut actions = [1.0; 24];

@@ -276,25 +276,6 @@ fn a_payload_is_grasped_without_a_loss_of_momentum() {
 }
 
 #[test]
-fn a_payload_is_picked_up_once_and_dropped_once() {
-    let mut run = Run::new(&read(json!({ "payload": { "mass": 2, "pick": 1.0, "hold": 0.5 } })), 1);
-    let mut seen = Vec::new();
-    for _ in 0..60 {
-        run.advance();
-        let step = run.step;
-        let handling = run.kernel.payload_event(&Column::of_one(&mut run.numbers), step);
-        if let Some(handling) = handling {
-            seen.push((step, handling));
-            let held = if let PayloadEvent::Grasp(mass) = handling { mass } else { 0.0 };
-            run.kernel.hold(&mut Column::of_one(&mut run.numbers), held);
-        }
-        assert_eq!(run.forcing().payload, if (20..30).contains(&step) { 2.0 } else { 0.0 });
-        run.end_period();
-    }
-    assert_eq!(seen, [(20, PayloadEvent::Grasp(2.0)), (30, PayloadEvent::Release(2.0))]);
-}
-
-#[test]
 fn thrusters_lose_what_they_should_when_they_should() {
     let loss = json!({ "count": 3, "gain": [0.2, 0.4], "time": 1.0 });
     let mut run = Run::new(&read(json!({ "thrusters": loss })), 1);

@@ -101,22 +101,6 @@ fn the_approach_speed_is_that_of_the_first_crossing() {
 }
 
 #[test]
-fn success_ends_an_episode_only_if_it_is_to() {
-    for terminate_on_success in [false, true] {
-        let task = task_with(options(Dock { terminate_on_success, hold_time: 0.1, ..Dock::default() }));
-        let (mut episode, state) = on_the_dock(&task);
-        let mut ends = Vec::new();
-        for _ in 0..3 {
-            task.act(&mut episode, &vec![0.0; task.action_len()]);
-            let outcome = task.advance(&mut episode, &state);
-            assert!(!outcome.diverged);
-            ends.push(outcome.terminated);
-        }
-        assert_eq!(ends, [false, terminate_on_success, terminate_on_success]);
-    }
-}
-
-#[test]
 fn the_reward_is_the_sum_of_its_terms_and_prefers_a_slow_vehicle_on_the_dock() {
     let task = task();
     let reward = |distance: f64, speed: f64| {

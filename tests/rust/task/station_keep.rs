@@ -177,24 +177,6 @@ fn observation_holds_what_the_layout_says() {
 }
 
 #[test]
-fn layout_has_no_gaps_and_skips_absent_joints() {
-    let (with, without) = (task(), Task::new(&Scene::shipped("bluerov2-heavy").unwrap(), Default::default()).unwrap());
-    for task in [&with, &without] {
-        let mut end = 0;
-        for block in task.layout().blocks() {
-            assert_eq!(block.offset, end);
-            assert_eq!(block.scale.len(), block.bound.len());
-            assert!(!block.is_empty());
-            end += block.len();
-        }
-        assert_eq!(end, task.observation_len());
-    }
-    assert_eq!(with.observation_len(), 24 + 4 * with.joint_count());
-    assert_eq!(without.observation_len(), 24);
-    assert_eq!(with.action_ranges().len(), with.action_len());
-}
-
-#[test]
 fn reward_is_the_documented_sum() {
     let task = task_with(TaskOptions { max_current: 0.0, ..Default::default() });
     let given =
