@@ -51,7 +51,8 @@ def complete() -> dict[str, Any]:
         joint["effort"] = 9.0
     fins = load_scene("remus-100")["vehicle"]["fins"]
     tether = {"position": [0.0, 0.0, 0.1], "length": 20.0, "diameter": 0.01, "mass_per_length": 0.1}
-    scene["vehicle"].update(fins=fins, tether=tether, thruster_lag=0.1)
+    forward_damping = {"matrix": [8.0, 162.0, 108.0, 13.0, 20.0, 32.0]}
+    scene["vehicle"].update(fins=fins, tether=tether, forward_damping=forward_damping, thruster_lag=0.1)
     return load_scene(scene)
 
 
