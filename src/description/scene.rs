@@ -79,11 +79,11 @@ impl Scene {
 
     /// Adds a point mass at the end effector.
     fn carry(&mut self, mass: f64) {
-        let held = self.payload.get_or_insert_with(|| Payload { frame: Frame::default(), body: Body::point(0.0) });
-        let (at, body) = (-(held.frame.rotation().transpose() * held.frame.position), &mut held.body);
+        let payload = self.payload.get_or_insert_with(|| Payload { frame: Frame::default(), body: Body::point(0.0) });
+        let (at, body) = (-(payload.frame.rotation().transpose() * payload.frame.position), &mut payload.body);
         let total = body.mass + mass;
-        let apart = (at - body.center_of_mass).cross_matrix();
-        let about_com = body.inertia_about_com() - apart * apart * (body.mass * mass / total);
+        let offset = (at - body.center_of_mass).cross_matrix();
+        let about_com = body.inertia_about_com() - offset * offset * (body.mass * mass / total);
         body.center_of_mass = (body.center_of_mass * body.mass + at * mass) / total;
         (body.mass, body.inertia, body.inertia_at, body.weight) = (total, about_com, InertiaPoint::Com, None);
     }

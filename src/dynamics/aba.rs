@@ -103,7 +103,7 @@ pub struct Instant<'a, L> {
     /// Wrench on the vehicle, body axes at its origin, N and N m.
     pub wrench: Vector6<L>,
     /// Linear rate of `twist` of a fixed vehicle: minus the acceleration of the water. Unused otherwise.
-    pub held_rate: Vector3<L>,
+    pub fixed_rate: Vector3<L>,
     /// Time of the servo targets, s.
     pub time: L,
 }
@@ -227,7 +227,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     links: &mut [Link<L>],
     twist_rate: &mut Vector6<L>,
 ) {
-    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
+    let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let joints = system.chain();
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
@@ -278,7 +278,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     }
 
     *twist_rate = if system.fixed {
-        Vector6 { linear: held_rate, angular: Vector3::zero() }
+        Vector6 { linear: fixed_rate, angular: Vector3::zero() }
     } else {
         let mut p = Vector6::zero();
         body_bias::<_, _, SPARSE>(&system.vehicle, twist, gravity, &mut p);

@@ -57,7 +57,7 @@ pub struct InstantCotangents<L> {
     /// Cotangent of the wrench on the vehicle.
     pub wrench: Vector6<L>,
     /// Cotangent of the linear rate of a fixed vehicle.
-    pub held_rate: Vector3<L>,
+    pub fixed_rate: Vector3<L>,
 }
 
 impl<L: Lane> InstantCotangents<L> {
@@ -66,7 +66,7 @@ impl<L: Lane> InstantCotangents<L> {
     pub fn blank() -> Self {
         let zero = [L::zero(); JOINTS];
         let (three, six) = (Vector3::zero(), Vector6::zero());
-        Self { gravity: three, twist: six, q: zero, qd: zero, wrench: six, held_rate: three }
+        Self { gravity: three, twist: six, q: zero, qd: zero, wrench: six, fixed_rate: three }
     }
 }
 
@@ -210,9 +210,9 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let base = BodyMotion { twist, acceleration: accelerations.twist, gravity, dual };
     for i in 0..n {
         let (joint, link) = (&joints[i], &links[i]);
-        let moved = link.twist_from_parent(joint, dual);
-        memory.mu[i] = link.u_over_D - link.U_over_D.dot(moved);
-        dual = add_joint_rate(joint, moved, memory.mu[i]);
+        let at_link = link.twist_from_parent(joint, dual);
+        memory.mu[i] = link.u_over_D - link.U_over_D.dot(at_link);
+        dual = add_joint_rate(joint, at_link, memory.mu[i]);
         memory.dual[i] = dual;
         let at = BodyMotion { twist: link.V, acceleration: memory.acceleration[i], gravity: link.g, dual };
         let of = body_adjoint::<L, IMPLICIT>(&joint.body, h, &at);
@@ -290,7 +290,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         of_instant.twist = -sums.of_twist;
         of_instant.gravity = -sums.of_gravity;
         of_instant.wrench = none;
-        of_instant.held_rate = cotangents.twist.linear - sums.of_acceleration.linear;
+        of_instant.fixed_rate = cotangents.twist.linear - sums.of_acceleration.linear;
         return;
     }
     let of = body_adjoint::<L, IMPLICIT>(&system.vehicle, h, &base);
@@ -309,7 +309,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     of_instant.twist = -Vector6::from_array(of_twist);
     of_instant.gravity = -(sums.of_gravity + of.of_gravity);
     of_instant.wrench = base.dual;
-    of_instant.held_rate = Vector3::zero();
+    of_instant.fixed_rate = Vector3::zero();
 }
 
 /// Adds the cotangents of the coefficients of a target from those of its value and its rate at a time.

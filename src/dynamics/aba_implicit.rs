@@ -66,7 +66,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
+    let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
@@ -100,7 +100,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     }
 
     if system.fixed {
-        *twist_rate = Vector6 { linear: held_rate, angular: Vector3::zero() };
+        *twist_rate = Vector6 { linear: fixed_rate, angular: Vector3::zero() };
     } else {
         let (I, p) = effective(&system.vehicle, h, twist, gravity);
         let mut I_A = I.plus(&I_children);

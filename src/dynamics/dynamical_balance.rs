@@ -255,8 +255,8 @@ fn to_dynamic(m: &Matrix6<f64>) -> DMatrix<f64> {
 
 fn side_by_side(blocks: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
     let [a, b] = blocks;
-    let mut whole = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
-    whole.columns_mut(0, a.ncols()).copy_from(a);
-    whole.columns_mut(a.ncols(), b.ncols()).copy_from(b);
-    whole
+    let mut joined = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
+    joined.columns_mut(0, a.ncols()).copy_from(a);
+    joined.columns_mut(a.ncols(), b.ncols()).copy_from(b);
+    joined
 }

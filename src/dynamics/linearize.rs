@@ -113,7 +113,7 @@ fn accelerations_along(
         qd: &qd,
         wrench: six(&|k| number(wrench[k], Direction::Wrench(k)))
             + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces }),
-        held_rate: lie::Vector3::zero() - pull,
+        fixed_rate: lie::Vector3::zero() - pull,
         time: zero,
     };
     let loads = ArmLoads {

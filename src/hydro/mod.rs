@@ -17,4 +17,4 @@ pub use damping_adjoint::{DampedMotion, DampedSums};
 pub use restoring::Restoring;
 pub use thruster::{Branch, LagDecay, THRUSTERS, Thruster, Thrusts, thrust_wrench};
 pub use thruster_adjoint::{CommandCotangents, CourseCotangents, ThrustCotangents, ThrusterCotangents};
-pub use thruster_dynamics::{ThrustCourse, ThrustCourses, ThrusterDynamics};
+pub use thruster_dynamics::{ThrustProfile, ThrustProfiles, ThrusterDynamics};

@@ -159,7 +159,7 @@ impl<L: Lane> LagDecay<L> {
     pub fn step(&self, thrust: L, steady: L) -> ([L; 3], L) {
         let difference = thrust - steady;
         // 0 where it is settled, by a subtraction that leaves dual numbers their slope.
-        let settled = L::select(difference.abs().lt(L::c(SETTLED)), difference.held(), L::zero());
+        let settled = L::select(difference.abs().lt(L::c(SETTLED)), difference.constant(), L::zero());
         let difference = difference - settled;
         let acting = [
             difference.mul_add(self.start, steady),

@@ -1,7 +1,7 @@
 //! Adjoint of thruster dynamics; of map, inflow and decay by dual numbers.
 
 use super::thruster::{LagDecay, THRUSTERS, Thruster};
-use super::thruster_dynamics::{ThrustCourses, ThrusterDynamics};
+use super::thruster_dynamics::{ThrustProfiles, ThrusterDynamics};
 use crate::lane::{Dual, Lane, unroll};
 use crate::lie::Vector6;
 
@@ -28,7 +28,7 @@ pub struct CommandCotangents<L> {
 /// Cotangents of the wrench over a step: of its start, and of linear and quadratic term of its change.
 pub type CourseCotangents<L> = [Vector6<L>; 3];
 
-/// Cotangents of the thrusts over a step, in the order of [`super::ThrustCourses`].
+/// Cotangents of the thrusts over a step, in the order of [`super::ThrustProfiles`].
 #[derive(Debug, Clone, Copy)]
 pub struct ThrustCotangents<L>([[L; 3]; THRUSTERS]);
 
@@ -61,7 +61,7 @@ impl<L: Lane> ThrustCotangents<L> {
     }
 }
 
-impl<L: Lane> ThrustCourses<L> {
+impl<L: Lane> ThrustProfiles<L> {
     /// Cotangent of the twist from that of [`Self::wrench`]; adds those of the parabolas.
     #[inline(always)]
     pub fn wrench_adjoint(
@@ -110,7 +110,7 @@ impl<L: Lane> ThrusterDynamics<L> {
         of: &mut ThrusterCotangents<L>,
     ) {
         let [three, six] = [3.0, 6.0].map(L::c);
-        // As of the values of the parabola: see `ThrustCourse`.
+        // As of the values of the parabola: see `ThrustProfile`.
         let of_start = quadratic.scale_add(three, linear.scale_add(L::c(-4.0), start));
         let of_mean = (linear - quadratic).scale(six);
         let of_end = quadratic.scale_add(three, linear.scale(L::c(-2.0)));

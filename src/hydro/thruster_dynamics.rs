@@ -42,7 +42,7 @@ impl<L: Lane> ThrusterDynamics<L> {
 
     /// Advances the thrusts by one step. Returns their wrench over the step, of thrusters without loss by inflow.
     #[inline(always)]
-    pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>]) -> ThrustCourse<L> {
+    pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>]) -> ThrustProfile<L> {
         let (mut start, mut mean, mut end) = ([L::zero(); 6], [L::zero(); 6], [L::zero(); 6]);
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
             let ([first, middle, last], after) = self.decay[i].step(self.thrust[i], self.steady[i]);
@@ -54,12 +54,12 @@ impl<L: Lane> ThrusterDynamics<L> {
                 end[k] = last.mul_add(wrench, end[k]);
             });
         }
-        ThrustCourse::new(Vector6::from_array(start), Vector6::from_array(mean), Vector6::from_array(end))
+        ThrustProfile::new(Vector6::from_array(start), Vector6::from_array(mean), Vector6::from_array(end))
     }
 
     /// Advances the thrusts of `count` thrusters by one step, and sets their courses over it.
     #[inline(always)]
-    pub fn step_courses(&mut self, count: usize, courses: &mut ThrustCourses<L>) {
+    pub fn step_courses(&mut self, count: usize, courses: &mut ThrustProfiles<L>) {
         for i in 0..count.min(THRUSTERS) {
             let (values, after) = self.decay[i].step(self.thrust[i], self.steady[i]);
             self.thrust[i] = after;
@@ -88,14 +88,14 @@ impl<L: Lane> ThrusterDynamics<L> {
 
 /// Wrench of thrusters over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ThrustCourse<L> {
+pub struct ThrustProfile<L> {
     /// Wrench at the start, N and N m.
     pub start: Vector6<L>,
     linear: Vector6<L>,
     quadratic: Vector6<L>,
 }
 
-impl<L: Lane> ThrustCourse<L> {
+impl<L: Lane> ThrustProfile<L> {
     /// Parabola with these values at the start and at the end and this mean: the impulse over the step is exact, and the wrench
     /// within it to order 3.
     #[inline(always)]
@@ -119,16 +119,16 @@ impl<L: Lane> ThrustCourse<L> {
 /// Thrusts in still water over a step, N: of each thruster a parabola, constant term first. Where inflow takes part of the thrust
 /// that part is the stage's, so that the sum of their wrenches is no parabola.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ThrustCourses<L>([[L; 3]; THRUSTERS]);
+pub struct ThrustProfiles<L>([[L; 3]; THRUSTERS]);
 
-impl<L: Lane> ThrustCourses<L> {
+impl<L: Lane> ThrustProfiles<L> {
     /// Zeros.
     #[inline(always)]
     pub fn zero() -> Self {
         Self([[L::zero(); 3]; THRUSTERS])
     }
 
-    /// Sets the parabola of a thruster, as [`ThrustCourse::new`].
+    /// Sets the parabola of a thruster, as [`ThrustProfile::new`].
     #[inline(always)]
     fn set(&mut self, thruster: usize, [start, mean, end]: [L; 3]) {
         let (before, after, three) = (mean - start, end - mean, L::c(3.0));

@@ -67,13 +67,13 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASEL
             };
             stages.weigh(&weights, n, h, keeps, from)
         };
-        let whole;
+        let displaced;
         let at = if keeps {
             let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
-            whole = Pose { rotation, position: from.pose.position + point.pose.linear };
+            displaced = Pose { rotation, position: from.pose.position + point.pose.linear };
             stages.scalar[i] = w;
             stages.pose[i] = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
-            Increment { start: &whole, theta: None }
+            Increment { start: &displaced, theta: None }
         } else {
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }

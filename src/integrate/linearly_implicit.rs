@@ -114,14 +114,14 @@ impl<L: Lane, const N: usize> Point<L, N> {
         let (a, b, c) = (L::c(0.5), L::c(-4.0), L::c(4.5));
         let mut square = L::zero();
         unroll!(k in 0 1 2 => {
-            let line = apart(coarse.twist.linear.0[k], middle.twist.linear.0[k], self.twist.linear.0[k]);
-            let turn = apart(coarse.twist.angular.0[k], middle.twist.angular.0[k], self.twist.angular.0[k]);
+            let line = spread(coarse.twist.linear.0[k], middle.twist.linear.0[k], self.twist.linear.0[k]);
+            let turn = spread(coarse.twist.angular.0[k], middle.twist.angular.0[k], self.twist.angular.0[k]);
             square = line.mul_add(line, turn.mul_add(turn, square));
         });
         self.theta = self.theta.scale_add(c, middle.theta.scale_add(b, coarse.theta.scale(a)));
         self.twist = self.twist.scale_add(c, middle.twist.scale_add(b, coarse.twist.scale(a)));
         for k in 0..n {
-            let more = apart(coarse.qd[k], middle.qd[k], self.qd[k]);
+            let more = spread(coarse.qd[k], middle.qd[k], self.qd[k]);
             square = more.mul_add(more, square);
             self.q[k] = self.q[k].mul_add(c, middle.q[k].mul_add(b, coarse.q[k] * a));
             self.qd[k] = self.qd[k].mul_add(c, middle.qd[k].mul_add(b, coarse.qd[k] * a));
@@ -158,7 +158,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
 
 /// Difference of the results of order 3 and 2, from those of one, two and three parts.
 #[inline(always)]
-fn apart<L: Lane>(one: L, two: L, three: L) -> L {
+fn spread<L: Lane>(one: L, two: L, three: L) -> L {
     three.mul_add(L::c(1.5), two.mul_add(L::c(-2.0), one * L::c(0.5)))
 }
 
@@ -225,16 +225,16 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: 
     }
     // For a mode: distance of the first two ends z^2 / 4, change z; the error is the distance from the result of one order less times
     // 2/3 z, or 3/4 z.
-    let (apart, distance, share) = if order == 2 {
-        let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
+    let (difference, distance, share) = if order == 2 {
+        let difference = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
         fine.extrapolate(coarse, n);
-        (apart, apart, 2.0 / 3.0)
+        (difference, difference, 2.0 / 3.0)
     } else {
-        let apart = middle.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
-        (apart, fine.extrapolate_twice(coarse, middle, n) * h, 3.0 / 4.0)
+        let difference = middle.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
+        (difference, fine.extrapolate_twice(coarse, middle, n) * h, 3.0 / 4.0)
     };
     let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
-    let error = distance * L::c(share) * (apart * L::c(4.0) / changed).min(L::c(1.0));
+    let error = distance * L::c(share) * (difference * L::c(4.0) / changed).min(L::c(1.0));
     (maximum.max(fine.turn()), error)
 }
 
@@ -262,13 +262,13 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
         let when = (h * share, h * (one - left));
         let (turn, error) = extrapolated(order, when, motion, stages, derivative, recorder);
         let end = &stages.fine;
-        let mut fine = L::select(turn.lt(limit), one, zero);
+        let mut accepted = L::select(turn.lt(limit), one, zero);
         if let Some(range) = bounce {
             cold_path();
             let ends = [(&motion.q, &motion.qd), (&end.q, &end.qd)];
-            fine = L::select(derivative.lost_bounce(h * share, range, ends).lt(L::c(MIN_BOUNCE)), fine, zero);
+            accepted = L::select(derivative.lost_bounce(h * share, range, ends).lt(L::c(MIN_BOUNCE)), accepted, zero);
         }
-        let taken = L::select(zero.lt(left), fine, zero);
+        let taken = L::select(zero.lt(left), accepted, zero);
         let takes = half.lt(taken);
         estimates.record_errors(takes, order, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
         recorder.sub_interval(motion, n, when.into(), takes);
@@ -278,11 +278,11 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
             return;
         }
         let finite = if begun { one } else { motion.finite(n) };
-        let lost = L::select(share.lt(L::c(1.5 * MIN_SHARE)), one, one - finite) * (one - fine);
+        let lost = L::select(share.lt(L::c(1.5 * MIN_SHARE)), one, one - finite) * (one - accepted);
         let lost = L::select(zero.lt(left), lost, zero);
         motion.set_nan_where(half.lt(lost), n);
         left = L::select(half.lt(lost), zero, left);
-        share = L::select(half.lt(fine), share, share * half);
+        share = L::select(half.lt(accepted), share, share * half);
         begun = true;
         if !L::any(zero.lt(left)) {
             return;

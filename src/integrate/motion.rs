@@ -54,9 +54,9 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         joints: (&[L; N], &[L; N]),
         n: usize,
     ) {
-        let moved = exp_se3(theta);
-        let (position, rest) = self.travelled(self.pose.rotation.apply(moved.position));
-        let rotation = self.pose.rotation.times(&moved.rotation).orthonormalised();
+        let increment = exp_se3(theta);
+        let (position, rest) = self.travelled(self.pose.rotation.apply(increment.position));
+        let rotation = self.pose.rotation.times(&increment.rotation).orthonormalised();
         self.set_where(mask, Pose { rotation, position }, rest, twist, joints, n);
     }
 

@@ -47,17 +47,17 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
     loop {
         // The whole rest, or half of it rather than the planned sub-interval and a sliver.
         let short = L::select(left.lt(plan + plan), left * half, plan);
-        let share = L::select(plan.lt(left), short, left).held();
+        let share = L::select(plan.lt(left), short, left).constant();
         let begun = adaptive && attempts > 0;
         let (Report { turn, error, contrast }, end) =
             explicit::<_, _, _, BASELINES>(method, (h * share, h * (one - left), begun), motion, derivative, stages);
         attempts += 1;
         // Limits fail for NaN too: the maps overflow far beyond them.
-        let fine = L::select(turn.lt(limit), one, zero);
+        let accepted = L::select(turn.lt(limit), one, zero);
         let error = error * over_tolerance;
-        let fine = L::select(error.lt(one), fine, zero);
+        let accepted = L::select(error.lt(one), accepted, zero);
         let active = L::select(zero.lt(left), one, zero);
-        let taken = half.lt(fine * active);
+        let taken = half.lt(accepted * active);
         let stage_error = estimates.record_contrast(taken, method.tableau, contrast);
         if !adaptive {
             let to = (&end.twist, &stages.qd_at);
@@ -72,12 +72,12 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
         left = L::select(taken, left - share, left);
         if adaptive {
             let factor = growth(error);
-            let factor = L::select(half.lt(fine), factor, factor.min(half));
+            let factor = L::select(half.lt(accepted), factor, factor.min(half));
             let next = share * factor;
             let next = L::select(factor.lt(one), next, next.max(plan)).min(L::c(MAX_PLAN));
             plan = L::select(half.lt(active), next, plan);
         } else {
-            plan = L::select(half.lt(fine), plan, plan * half);
+            plan = L::select(half.lt(accepted), plan, plan * half);
         }
         if !L::any(zero.lt(left)) {
             break;
@@ -87,7 +87,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
         let spent = if adaptive {
             L::c(if attempts == MOST_ATTEMPTS { 1.0 } else { 0.0 })
         } else {
-            L::select(share.lt(L::c(1.5 * MIN_SHARE)), one - fine, zero)
+            L::select(share.lt(L::c(1.5 * MIN_SHARE)), one - accepted, zero)
         };
         let lost = half.lt(active * spent.max(one - finite) * L::select(zero.lt(left), one, zero));
         motion.set_nan_where(lost, n);

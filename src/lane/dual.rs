@@ -131,7 +131,7 @@ impl<L: Lane> Lane for Dual<L> {
         self.slope.store_single(&mut numbers[half + at..]);
     }
     #[inline(always)]
-    fn held(self) -> Self {
+    fn constant(self) -> Self {
         Self::new(self.value, L::c(-0.0))
     }
     #[inline(always)]

@@ -65,7 +65,7 @@ pub trait Lane:
     }
     /// The same number as a constant in differentiation: [`super::Dual`] drops its slope.
     #[inline(always)]
-    fn held(self) -> Self {
+    fn constant(self) -> Self {
         self
     }
     /// `self * a + b`, rounded once if the machine has fused multiply-add.

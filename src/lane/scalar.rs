@@ -198,10 +198,10 @@ macro_rules! unfused_lane {
             #[inline(always)]
             fn round(self) -> Self {
                 // All numbers of at least this magnitude are integers.
-                const WHOLE: $real = 1.0 / <$real>::EPSILON;
+                const INTEGERS_FROM: $real = 1.0 / <$real>::EPSILON;
                 let size = self.0.abs();
-                let whole = if size < WHOLE { (size + WHOLE) - WHOLE } else { size };
-                Self(whole.copysign(self.0))
+                let integer = if size < INTEGERS_FROM { (size + INTEGERS_FROM) - INTEGERS_FROM } else { size };
+                Self(integer.copysign(self.0))
             }
             #[inline(always)]
             fn lt(self, other: Self) -> bool {

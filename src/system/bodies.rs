@@ -29,14 +29,17 @@ impl Part {
         let hydrodynamic = pose(&body.hydrodynamic_frame);
         let added = &body.added_mass;
         // Without gravity there is neither weight nor buoyancy.
-        let heavy = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
+        let gravity_factor = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
         let gravitational = |mass: f64, at: &na::Vector3<f64>| Restoring { net_mass: mass, moment: (mass * at).into() };
         Self {
             at,
             rigid: rigid_inertia(body.mass, &body.center_of_mass, &body.inertia_about_com()),
             added: SpatialInertia::from_entries(|i, k| added[(i, k)]).to_parent(&hydrodynamic),
-            weight: gravitational(heavy * body.mass, &body.center_of_mass),
-            displaced: gravitational(heavy * water.density * body.displaced_volume(water), &body.center_of_buoyancy),
+            weight: gravitational(gravity_factor * body.mass, &body.center_of_mass),
+            displaced: gravitational(
+                gravity_factor * water.density * body.displaced_volume(water),
+                &body.center_of_buoyancy,
+            ),
             damping: damping(body, &hydrodynamic),
             hydrodynamic,
         }

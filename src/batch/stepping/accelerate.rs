@@ -94,7 +94,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     q: &motion.q,
                     qd: &motion.qd,
                     wrench,
-                    held_rate: Vector3::zero() - pull,
+                    fixed_rate: Vector3::zero() - pull,
                     time: L::zero(),
                 };
                 accelerations(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);

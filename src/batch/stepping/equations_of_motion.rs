@@ -8,7 +8,7 @@ use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::dynamics::lost_bounce;
-use crate::hydro::{ThrustCourse, ThrustCourses};
+use crate::hydro::{ThrustProfile, ThrustProfiles};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -67,9 +67,9 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     /// Wrench on the vehicle in body axes at the start of a step, N and N m.
     pub wrench: Vector6<L>,
     /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
-    pub thrust: Option<(ThrustCourse<L>, L)>,
+    pub thrust: Option<(ThrustProfile<L>, L)>,
     /// Thrusts in still water in place of `thrust`, where inflow reduces them.
-    pub lossy: Option<(&'a mut ThrustCourses<L>, L)>,
+    pub lossy: Option<(&'a mut ThrustProfiles<L>, L)>,
     /// The vehicle's servo, where it is on.
     pub station: Option<StationServo<L>>,
     /// Deflected fins.
@@ -107,7 +107,7 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
     ) -> Instant<'b, L> {
         let gravity = at.to_body(self.gravity);
-        let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
+        let fixed_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let Some((course, rate)) = &self.thrust {
             wrench = wrench + course.change(elapsed * *rate);
@@ -124,7 +124,7 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
             wrench = wrench + system.terms.wrench(&TermInstant { twist, gravity, fins: self.surfaces });
         }
         let (is_start, time) = (at.is_start(), self.time + elapsed);
-        Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time }
+        Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time }
     }
 }
 

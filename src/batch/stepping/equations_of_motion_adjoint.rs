@@ -156,8 +156,8 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let elapsed = if let Some(h) = size { begin + h } else { begin };
         let gravity = rotate_back(theta.angular, start.rotation.apply_transposed(self.equations.gravity));
         let time = self.equations.time + elapsed;
-        let (none, held_rate) = (Vector6::zero(), Vector3::zero());
-        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, held_rate, time };
+        let (none, fixed_rate) = (Vector6::zero(), Vector3::zero());
+        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time };
         if let Some(h) = size {
             let step = ImplicitStep { h, vehicle_servo: self.equations.station.is_some() };
             L::call(&mut StageAdjoint::<_, true> { adjoint: self, at: instant, step, rates, of_rates });
@@ -174,8 +174,8 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         of_stage.pose.position = None;
         let to_body = |x: Vector3<L>| rotate_back(theta.angular, start.rotation.apply_transposed(x));
         if system.fixed {
-            let held_rate = -to_body(equations.acceleration);
-            turn = turn + of_instant.held_rate.cross(held_rate);
+            let fixed_rate = -to_body(equations.acceleration);
+            turn = turn + of_instant.fixed_rate.cross(fixed_rate);
         }
         if let Some((_, rate)) = &equations.thrust {
             let share = elapsed * *rate;

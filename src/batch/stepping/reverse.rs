@@ -8,7 +8,7 @@ use super::step::Step;
 use crate::batch::storage::columns::Columns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
-use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustCourses, ThrusterCotangents, ThrusterDynamics};
+use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustProfiles, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{
     Explicit, ExplicitAdjoint, Implicit, ImplicitAdjoint, Integrator, Motion, MotionCotangents, StepRecord,
 };
@@ -39,7 +39,7 @@ pub(super) struct ReverseMemory<L: Lane> {
     loads: ArmLoads<L>,
     joints: JointSums<L>,
     propulsion: ThrusterDynamics<L>,
-    courses: ThrustCourses<L>,
+    courses: ThrustProfiles<L>,
     surfaces: FinAxes<L>,
     of_motion: MotionCotangents<L, JOINTS>,
     of_instant: InstantCotangents<L>,
@@ -59,7 +59,7 @@ impl<L: Lane> ReverseMemory<L> {
             loads: ArmLoads::none(),
             joints: JointSums::zero(),
             propulsion: ThrusterDynamics::blank(),
-            courses: ThrustCourses::zero(),
+            courses: ThrustProfiles::zero(),
             surfaces: FinAxes::blank(),
             of_motion: MotionCotangents::zero(),
             of_instant: InstantCotangents::blank(),

@@ -13,7 +13,7 @@ use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Scratch};
-use crate::hydro::{ThrustCourses, ThrusterDynamics};
+use crate::hydro::{ThrustProfiles, ThrusterDynamics};
 use crate::integrate::{
     Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
     interval,
@@ -87,7 +87,7 @@ pub(super) struct Memory<L: Lane> {
     joints: JointSums<L>,
     lag: LagState<L>,
     propulsion: ThrusterDynamics<L>,
-    courses: ThrustCourses<L>,
+    courses: ThrustProfiles<L>,
     surfaces: FinAxes<L>,
 }
 

@@ -87,7 +87,7 @@ fn accelerations_of_duals_are_their_derivatives() {
             q: &q,
             qd: &qd,
             wrench: Vector6::zero(),
-            held_rate: Vector3::zero(),
+            fixed_rate: Vector3::zero(),
             time: L::zero(),
         };
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);

@@ -357,7 +357,7 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 q: &q,
                 qd: &qd,
                 wrench: six(9 + 2 * JOINTS),
-                held_rate: Vector3::zero(),
+                fixed_rate: Vector3::zero(),
                 time: L::zero(),
             };
             let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);

@@ -66,7 +66,7 @@ impl Case {
             q: &self.state.q,
             qd: &self.state.qd,
             wrench: lie::Vector6::from_array(self.wrench.into()),
-            held_rate: lie::Vector3([0.0; 3]),
+            fixed_rate: lie::Vector3([0.0; 3]),
             time: 0.0,
         };
         let (mut rate, mut qdd) = (lie::Vector6::zero(), [0.0; JOINTS]);
