@@ -346,7 +346,7 @@ def test_the_command_lists_families_settings_gains_and_results(
         assert words in line
 
 
-@pytest.mark.parametrize("kind", {entry.kind for entry in CONTROLLERS.values() if entry.kind is not None})
+@pytest.mark.parametrize("kind", dict.fromkeys(entry.kind for entry in CONTROLLERS.values() if entry.kind))
 def test_every_gain_has_a_meaning_of_its_own(kind: Any) -> None:
     texts = gain_texts(kind)
     assert list(texts) == _core.gain_names(kind.kind)

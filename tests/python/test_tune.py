@@ -175,7 +175,7 @@ def test_an_interrupt_is_told_and_loses_nothing(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--controller", "pdd"], "unknown controller 'pdd'; known: "),
+        (["--controller", "pdd"], "unknown controller 'pdd'; close to it: pd, pid"),
         (["--controller", "pid"], "tune pd first"),
         (["--controller", "none"], "none has no gains to tune"),
         (["--controller", "resolved"], "'resolved' is not for UVMS-StationKeep"),
