@@ -12,11 +12,8 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from helpers import LEAVING, control_rate, fake_moviepy, idle, other_than, same, scenes_with_thrusters, small, task_ids
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import uvms_gym
-from uvms_gym._task.arguments import RESET_OPTIONS
 
 TASKS = task_ids()
 pytestmark = pytest.mark.parametrize("task", TASKS)
@@ -462,80 +459,3 @@ def test_human_rendering_shows_the_pictures(task, monkeypatch):
     shown = [call.args[0] for call in pygame.surfarray.make_surface.call_args_list]
     assert len(shown) >= 2
     assert shown[0].shape == (640, 480, 3)
-
-
-# Whatever a caller hands over
-
-
-WEIRD = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers(-(2**70), 2**70)
-    | st.floats()
-    | st.complex_numbers()
-    | st.text(max_size=5)
-    | st.binary(max_size=5)
-    | st.sampled_from(
-        [
-            np.zeros(0),
-            np.zeros((3, 0)),
-            np.zeros(6, dtype=object),
-            np.full(6, np.nan),
-            np.full((1, 3), 1e308),
-            np.zeros(3, dtype="datetime64[s]"),
-            np.array(["a"]),
-            np.zeros(6, dtype=">f4"),
-            np.zeros(12, dtype=np.float32)[::2],
-            np.float16(1.0),
-            object,
-            len,
-        ]
-    ),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
-    max_leaves=6,
-)
-#: What a refusal may be; a panic is none of it, and neither is a stumble such as an AttributeError.
-REFUSALS = (TypeError, ValueError, OverflowError, gym.error.Error)
-OPTIONS = [*RESET_OPTIONS, "reset_mask", "x"]
-ARGUMENTS = [
-    "scene",
-    "action",
-    "dt",
-    "substeps",
-    "integrator",
-    "dtype",
-    "max_current",
-    "reward",
-    "threads",
-    "render_mode",
-]
-
-
-@settings(max_examples=60)
-@given(data=st.data())
-def test_no_call_panics_or_stumbles(task, data):
-    env = STANDING.setdefault(task, bare(task))
-    expected = env.reset(seed=0)
-    kind = data.draw(st.sampled_from(["step", "reset", "seed", "state", "parts", "make"]))
-    weird = data.draw(WEIRD)
-    try:
-        match kind:
-            case "step":
-                env.step(weird)
-            case "reset":
-                env.reset(options={data.draw(st.sampled_from(OPTIONS)): weird})
-            case "seed":
-                env.reset(seed=weird)
-            case "state":
-                env.set_state(weird)
-            case "parts":
-                env.set_state({**env.get_state(), data.draw(st.sampled_from(["physics", "episodes"])): weird})
-            case "make":
-                type(env)(**{data.draw(st.sampled_from(ARGUMENTS)): weird})
-    except REFUSALS as refusal:
-        assert str(refusal)
-    assert same(env.reset(seed=0), expected)
-    assert np.isfinite(env.step(idle(env))[0]).all()
-
-
-STANDING = {}

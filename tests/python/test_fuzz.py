@@ -23,12 +23,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from helpers import task_ids
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_scenes import ALL, JUNK, paths, set_at
 
 import uvms_gym
 from uvms_gym import SceneError, Simulator, controllers
+from uvms_gym._task.arguments import RESET_OPTIONS
 
 CASES = int(os.environ.get("UVMS_FUZZ", "0"))
 SOAK = CASES > 0
@@ -223,7 +225,9 @@ def junk(rng: random.Random, sizes: tuple[int, ...]) -> Any:
         case 6:
             return rng.choice([{}, {"q": number}, {1: 2}, {"position": [number] * 3}, set(), object(), 1j, print])
         case 7:
-            return np.array([None, "x"], dtype=object)
+            return rng.choice(
+                [np.array([None, "x"], dtype=object), np.array(["a"]), np.zeros(3, "datetime64[s]"), np.full(6, 1j)]
+            )
         case 8:
             return np.zeros(tuple(rng.randrange(4) for _ in range(rng.randrange(5))))
         case 9:
@@ -248,7 +252,7 @@ def arguments(
     function: Callable[..., Any], rng: random.Random, sizes: tuple[int, ...]
 ) -> tuple[list[Any], dict[str, Any]]:
     """Random arguments; of those that a function has, save a few too many or too few."""
-    positional, keywords = [], {}
+    positional, keywords, owner = [], {}, getattr(function, "__self__", None)
     parameters = dict(inspect.signature(function).parameters)
     last = next(reversed(parameters.values()), None)
     if last and last.kind is last.VAR_KEYWORD and last.name in KEYWORDS:
@@ -260,6 +264,10 @@ def arguments(
         if name in ("substeps", "threads", "num_envs") and isinstance(value, int):
             # So many are not wrong, only long in coming.
             value = rng.choice([-1, 0, 1, 3, 2**70])
+        if name == "options" and rng.random() < 0.7:
+            value = {rng.choice([*RESET_OPTIONS, "reset_mask", "x"]): value}
+        if name == "state" and hasattr(owner, "get_state") and rng.random() < 0.7:
+            value = {**owner.get_state(), rng.choice(["physics", "episodes"]): value}
         if parameter.kind is parameter.VAR_KEYWORD:
             keywords["nonsense"] = value
         elif parameter.kind is parameter.KEYWORD_ONLY:
@@ -281,8 +289,8 @@ def members(thing: Any) -> tuple[list[str], list[str]]:
     return methods, [name for name in names if name not in methods]
 
 
-#: What a wrong argument may be called.
-WRONG = (ValueError, TypeError, OverflowError, IndexError, KeyError, AttributeError, MemoryError)
+#: Errors that a wrong argument may raise.
+WRONG = (ValueError, TypeError, OverflowError, MemoryError, gymnasium.error.Error)
 
 
 def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, names: list[str], count: int) -> None:
@@ -293,12 +301,13 @@ def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, 
     for _ in range(count):
         before = snapshot()
         refused = stats.total() - stats["accepted"]
-        with attempt((*WRONG, gymnasium.error.Error)):
-            if attributes and rng.random() < 0.1:
+        if attributes and rng.random() < 0.1:
+            with attempt((*WRONG, AttributeError)):
                 setattr(thing, rng.choice(attributes), junk(rng, sizes))
-            else:
-                function = getattr(thing, rng.choice(names))
-                positional, keywords = arguments(function, rng, sizes)
+        else:
+            function = getattr(thing, rng.choice(names))
+            positional, keywords = arguments(function, rng, sizes)
+            with attempt(WRONG):
                 function(*positional, **keywords)
         if stats.total() - stats["accepted"] > refused:
             assert snapshot() == before
@@ -319,7 +328,7 @@ def test_random_calls_do_a_simulator_no_harm(name: str) -> None:
         assert np.all(np.isfinite(simulator.position))
 
 
-IDS = sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
+IDS = task_ids()
 
 
 @pytest.mark.parametrize("vector", [False, True])
@@ -336,12 +345,14 @@ def test_random_calls_do_an_environment_no_harm(name: str, vector: bool) -> None
             env: Any = gymnasium.make_vec(name, num_envs=2, **options)
         else:
             env = gymnasium.make(name, **options).unwrapped
+        fresh, _ = copy.deepcopy(env).reset(seed=2)
         if rng.random() < 0.9:
             env.reset(seed=1)
-        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.snapshot()), rng, ["reset", "step"], each)
+        calls = ["reset", "step", "set_state"]
+        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.snapshot()), rng, calls, each)
         observations, _ = env.reset(seed=2)
-        assert np.all(np.isfinite(observations))
-        env.step(env.action_space.sample() * 0)
+        np.testing.assert_array_equal(observations, fresh)
+        assert np.all(np.isfinite(env.step(env.action_space.sample() * 0)[0]))
         env.close()
 
 
@@ -355,7 +366,7 @@ def test_random_options_make_no_environment_or_one_that_keeps_its_space(name: st
         for many in ("substeps", "threads"):
             if isinstance(given.get(many), int):
                 given[many] = rng.choice([-1, 0, 1, 3, 2**70])
-        with attempt((*WRONG, gymnasium.error.Error)):
+        with attempt(WRONG):
             env = creator(scene=rng.choice(["petasus-pum", "bluerov2-heavy"]), **given)
             observation, _ = env.reset(seed=0)
             assert env.observation_space.contains(observation), (given, observation)
@@ -368,7 +379,7 @@ def test_random_arguments_make_no_simulator() -> None:
     rng = random.Random() if SOAK else random.Random(11)
     for _ in range(CASES or 200):
         positional, keywords = arguments(Simulator, rng, (1, 3, 6))
-        with attempt((*WRONG, gymnasium.error.Error)):
+        with attempt(WRONG):
             Simulator(rng.choice(["free-body", "rexrov", *positional[:1]]), *positional[1:], **keywords)
 
 

@@ -10,9 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import assert_same, fixed_base, moving, random_inputs, random_state, state_of
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from uvms_gym import Simulator, StepInputs, integrators, scene_names
 
@@ -413,33 +410,6 @@ def test_stiffness_is_that_of_the_motion() -> None:
 def test_dtypes_have_several_names() -> None:
     for name in ("float32", np.float32, np.dtype("float32")):
         assert Simulator("free-body", dtype=name).dtype == "float32"
-
-
-ARRAYS = st.one_of(
-    hnp.arrays(
-        st.sampled_from([np.float64, np.float32, np.int64, np.uint8, np.bool_, np.complex128, np.dtype("U1")]),
-        hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=6),
-    ),
-    hnp.arrays(np.float64, st.sampled_from([(2, 6), (6,), (2, 3), (3, 3), (2, 4), (2, 5), (2, 5, 4), (6, 6), (4, 4)])),
-    st.none(),
-    st.text(max_size=2),
-)
-
-
-@given(data=st.data())
-def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
-    s = Simulator("petasus-pum", 2)
-    before = state_of(s)
-    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration"]
-    inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "pose_target"]
-    method, names = data.draw(st.sampled_from([(s.set_state, states), (s.step, inputs), (s.forward_dynamics, inputs)]))
-    arguments = {
-        name: data.draw(ARRAYS) for name in data.draw(st.lists(st.sampled_from(names), unique=True, max_size=3))
-    }
-    try:
-        method(**arguments)
-    except (ValueError, TypeError):
-        assert_same(state_of(s), before)
 
 
 # Its starts are violent, and some of the methods crude.
