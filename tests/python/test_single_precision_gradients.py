@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import is_fixed
-from test_gradients import INCREMENTS, PARAMETERS, case, differences, moving, scenes
+from test_gradients import PARAMETERS, case, moving, scenes
 
 from uvms_gym import Simulator
 
@@ -45,18 +45,6 @@ def test_derivatives_are_those_in_double_precision(name: str, integrator: str) -
         assert np.array_equal(s.__getstate__(), before)
         for got, expected in zip(found, derivatives(in_double(s, scene, options), rows), strict=True):
             assert np.array_equal(got, expected)
-
-
-@pytest.mark.parametrize("integrator", ["mk4", "ros2"])
-@pytest.mark.parametrize("name", ["bluerov2-heavy", "bluerov2-alpha5-pool", "rexrov", "remus-100"])
-def test_jacobians_are_differences_of_steps_in_single_precision(name: str, integrator: str) -> None:
-    scene, options, times = scenes()[name], {"integrator": integrator, "dtype": "float32"}, 30.0
-    s, state, inputs = case(scene, options, 1)
-    arguments: dict[str, Any] = {"substeps": 5, "parameters": PARAMETERS}
-    exact = s.step_jacobians(**{key: value[None] for key, value in inputs.items()}, **arguments)
-    for key, jacobian in differences(scene, options, state, inputs, 5, times).items():
-        bound = 2e-2 * np.abs(jacobian).max(0) + 2e-6 / (times * INCREMENTS.get(key, 1e-2))
-        assert np.all(np.abs(exact[key][0] - jacobian) < bound), key
 
 
 def test_the_least_tolerance_is_that_of_single_precision() -> None:
