@@ -25,7 +25,6 @@ from uvms_gym import MLP
 
 ROOT = Path(__file__).parents[2]
 POOL, URDF = ROOT / "tests/data/pool", ROOT / "tests/golden/alpha5.urdf"
-ENV = "UVMS-StationKeep-Storm-v0"
 #: Ways to stop a command.
 WAYS = ("TERM", "KILL", "disk", "pipe")
 #: Space that a full disk leaves, bytes: at most, and mostly less.

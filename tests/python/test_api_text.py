@@ -18,7 +18,6 @@ from helpers import SMALL, policy
 import uvms_gym
 from uvms_gym.rollouts import RolloutStats
 
-ROOT = Path(__file__).parents[2]
 MODULES = ("", ".envs", ".controllers", ".identification", ".logs", ".planning", ".rollouts", ".disturbances")
 #: Longest signature: all options of docking.
 LONGEST = 1300

@@ -166,14 +166,6 @@ def test_an_output_that_is_not_utf_8_shows_what_it_can() -> None:
     assert "petasus-pum" in done.stdout and done.stdout.isascii()
 
 
-def test_help_names_commands_and_options() -> None:
-    done = uvms("--help", COLUMNS="100")
-    assert done.returncode == 0
-    assert all(
-        command in done.stdout for command in ("reproduce", "compare", "verify", "accuracy", "hard-cases", "scenes")
-    )
-
-
 def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -> None:
     code = (
         "import importlib.util as u, sys; real = u.find_spec\n"

@@ -21,7 +21,6 @@ from uvms_gym.studies.identification.synthetic import Sensors, synthetic_log
 
 POOL = Path(__file__).parents[1] / "data" / "pool"
 SCENE = "bluerov2-alpha5-pool"
-ROLL_PITCH = [0, 1]
 EXACT = Sensors(0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

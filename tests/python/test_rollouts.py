@@ -76,22 +76,6 @@ def test_episodes_that_diverge_stop_counting() -> None:
     assert rollout.pop_stats().steps.max() == 0
 
 
-def test_neither_parts_nor_threads_nor_neighbours_change_a_rollout() -> None:
-    def stats(n: int, threads: int, parts: tuple[int, ...]) -> Any:
-        env = StationKeepVectorEnv(n, scene=SMALL, threads=threads)
-        env.reset(seed=7)
-        rollout = Rollout(env, PID(env))
-        for steps in parts:
-            rollout.run(steps)
-        return rollout.pop_stats()
-
-    few, many = stats(3, 1, (40,)), stats(700, 2, (1, 39, 0))
-    for kind in ("sums", "squares"):
-        for name in INFO:
-            np.testing.assert_array_equal(getattr(few, kind)[name], getattr(many, kind)[name][:3])
-    np.testing.assert_array_equal(few.returns, many.returns[:3])
-
-
 def test_taking_a_tally_counts_anew_but_forgets_no_integral() -> None:
     env = StationKeepVectorEnv(5, scene=SMALL)
     controller = PID(env)
