@@ -94,6 +94,7 @@ impl NominalModel {
     }
 
     /// Number of joints.
+    #[inline(always)]
     pub fn joints(&self) -> usize {
         self.system.chain().len()
     }

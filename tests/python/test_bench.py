@@ -147,6 +147,7 @@ def test_a_state_that_is_not_finite_is_refused(part: str) -> None:
 def test_parameters_of_its_own_are_set_on_every_instance() -> None:
     case = physics.Stepping(physics.Setting(load_scene("bluerov2-heavy"), n=5, varied=True))
     assert all(len(set(values.tolist())) == 5 for values in case.simulator.parameters.values())
+    case.step()
     assert np.ptp(case.simulator.position, axis=0).max() > 0.0
 
 

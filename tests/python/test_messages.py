@@ -73,7 +73,7 @@ def test_play_alone_is_the_view_in_a_browser(monkeypatch: pytest.MonkeyPatch) ->
     served: list[Any] = []
     module = sys.modules[play.__module__] if callable(play) else play
     monkeypatch.setattr(module, "_need", lambda *names: None)
-    monkeypatch.setattr(module, "serve", lambda *given: served.append(given))
+    monkeypatch.setattr(module, "_serve", lambda *given: served.append(given))
     assert main(["play"]) == 0
     ((env, controller, seed, port),) = served
     assert (env.spec.id, controller, seed, port) == ("UVMS-StationKeep-Storm-v0", None, 0, 8080)

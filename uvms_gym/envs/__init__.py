@@ -4,6 +4,7 @@ from typing import Any
 
 import gymnasium
 
+from uvms_gym import _core
 from uvms_gym._task.base import EPISODE_STEPS, INFO, Block
 from uvms_gym._task.options import Preview, RewardWeights, TaskOptions, Tolerance
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
@@ -41,7 +42,8 @@ _PERIOD, _STEPS, _LAG = 0.1, 200, 0.1
 
 def register_envs() -> None:
     """Register the environments with Gymnasium; importing `uvms_gym` does so."""
-    for options in TaskOptions.by_task.values():
+    for task, _ in _core.tasks():
+        options = TaskOptions.by_task[task]
         name = options.__name__.removesuffix("Options")
         reward = {"effort": 0.05, "action_rate": options.storm_action_rate}
         common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / options.dt), "reward": reward}

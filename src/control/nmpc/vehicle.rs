@@ -187,9 +187,9 @@ impl Function<{ STATES + 6 }, STATES> for ControlPeriod<'_> {
     #[inline(always)]
     fn at<L: Lane<Real = f64>>(&self, x: &[L; STATES + 6]) -> [L; STATES] {
         let mut arms = [ArmState { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] }; 2];
-        for (arm, from) in arms.iter_mut().zip(&self.arms) {
+        for i in 0..2 {
             for k in 0..JOINTS {
-                (arm.q[k], arm.qd[k]) = (L::c(from.q[k]), L::c(from.qd[k]));
+                (arms[i].q[k], arms[i].qd[k]) = (L::c(self.arms[i].q[k]), L::c(self.arms[i].qd[k]));
             }
         }
         let (mut six, mut disturbance) = ([[L::zero(); 6]; 4], [L::zero(); 6]);
