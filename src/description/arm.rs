@@ -71,7 +71,7 @@ pub struct Joint {
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
     /// Inertia of the actuator's rotor reflected to the joint, rotor inertia times gear ratio squared, kg m2 or kg. It resists
-    /// q'' alone.
+    /// only q''.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rotor_inertia: f64,
     /// True where the joint follows its target exactly, at whatever torque that takes: its motion is prescribed. Servo,

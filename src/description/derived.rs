@@ -62,7 +62,7 @@ impl Scene {
         arm.flat_map(|arm| arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)))
     }
 
-    /// Names of the joints, equal to those of the bodies that they carry: `base` for q0, else the link's.
+    /// Names of the joints, equal to the names of the bodies that they carry: `base` for q0, else the link's.
     pub fn joint_names(&self) -> Vec<String> {
         self.arm
             .iter()

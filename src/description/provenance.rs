@@ -29,7 +29,7 @@ pub enum Origin {
 /// Provenance per key of the scene, as `"origin: text"`.
 ///
 /// A key is a path in the scene and holds for everything below it; the longest matching key counts. `arm.links.body.mass` is the
-/// mass of every link, `arm.links[elbow].body.mass` (or `[2]`) that of one.
+/// mass of every link, `arm.links[elbow].body.mass` (or `[2]`) the mass of one.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Provenance(pub BTreeMap<String, String>);

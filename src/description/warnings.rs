@@ -1,4 +1,4 @@
-//! Warnings about a scene that can exist but is hardly intended: slips of units, signs and keys.
+//! Warnings about a scene that can exist but is probably not intended: slips of units, signs and keys.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use super::{Body, Scene, Thruster};
 
 /// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
 const OUT_OF_TRIM: f64 = 0.1;
-/// Density over that of water, beyond which it is implausible.
+/// Ratio of a density to the density of water beyond which it is implausible.
 const DENSE: f64 = 30.0;
 /// Added mass over displaced mass, beyond which it is implausible.
 const FLAT: f64 = 50.0;

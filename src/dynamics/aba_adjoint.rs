@@ -16,7 +16,7 @@
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
 use super::aba::{ArmLoads, Instant, Scratch};
-use super::body_adjoint::{BodyCotangents, BodyMotion, add_factor_products, body_adjoint};
+use super::body_adjoint::{AdjointMotion, BodyCotangents, add_factor_products, body_adjoint};
 use super::joint_torque::implicit_joint_torque;
 use super::joint_torque_adjoint::joint_torque_adjoint;
 use super::link::{add_joint_rate, joint_screws, with_zeros};
@@ -207,14 +207,14 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         dual = I_A.solve(cotangents.twist - P_children);
     }
 
-    let base = BodyMotion { twist, acceleration: accelerations.twist, gravity, dual };
+    let base = AdjointMotion { twist, acceleration: accelerations.twist, gravity, dual };
     for i in 0..n {
         let (joint, link) = (&joints[i], &links[i]);
         let at_link = link.twist_from_parent(joint, dual);
         memory.mu[i] = link.u_over_D - link.U_over_D.dot(at_link);
         dual = add_joint_rate(joint, at_link, memory.mu[i]);
         memory.dual[i] = dual;
-        let at = BodyMotion { twist: link.V, acceleration: memory.acceleration[i], gravity: link.g, dual };
+        let at = AdjointMotion { twist: link.V, acceleration: memory.acceleration[i], gravity: link.g, dual };
         let of = body_adjoint::<L, IMPLICIT>(&joint.body, h, &at);
         memory.force[i] = of.force;
         if loads.on_links {

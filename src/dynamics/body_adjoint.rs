@@ -1,4 +1,4 @@
-//! Adjoint of the force that moves a body: `A V' - ad_V^T A V` less damping, weight and buoyancy, in its joint's frame.
+//! Adjoint of the force that moves a body: `A V' - ad_V^T A V` minus damping, weight and buoyancy, in its joint's frame.
 //!
 //! With the dual twist lambda: `lambda . (-ad_V^T A V) = (ad_lambda V) . A V`, whose derivative by V is
 //! `ad_lambda^T A V + A ad_lambda V`.
@@ -11,7 +11,7 @@ use crate::system::{BodyTerms, Factors, UnscaledBodyTerms};
 
 /// Motion of a body.
 #[derive(Clone, Copy)]
-pub(super) struct BodyMotion<L> {
+pub(super) struct AdjointMotion<L> {
     /// Twist V relative to the water.
     pub twist: Vector6<L>,
     /// Its rate V'.
@@ -31,15 +31,15 @@ pub(super) struct BodyCotangents<L> {
     pub of_gravity: Vector3<L>,
 }
 
-/// Force and derivatives; with `IMPLICIT` those of a linearly implicit method of step `h`, in whose inertia damping and stiffness
-/// are.
+/// Force and derivatives; with `IMPLICIT` for a linearly implicit method of step `h`, whose inertia contains damping and
+/// stiffness.
 #[inline(always)]
 pub(super) fn body_adjoint<L: Lane, const IMPLICIT: bool>(
     body: &BodyTerms<L>,
     h: L,
-    at: &BodyMotion<L>,
+    at: &AdjointMotion<L>,
 ) -> BodyCotangents<L> {
-    let BodyMotion { twist, acceleration, gravity, dual } = *at;
+    let AdjointMotion { twist, acceleration, gravity, dual } = *at;
     let inertia = &body.inertia;
     let momentum = inertia.apply(twist);
     let (_, of_twist) = ad_adjoint(dual, twist, momentum);
@@ -78,13 +78,13 @@ pub(super) fn body_adjoint<L: Lane, const IMPLICIT: bool>(
 }
 
 #[inline(always)]
-fn damped_motion<L: Lane>(h: L, at: &BodyMotion<L>) -> DampedMotion<L> {
+fn damped_motion<L: Lane>(h: L, at: &AdjointMotion<L>) -> DampedMotion<L> {
     DampedMotion { twist: at.twist, change: at.acceleration.scale(h), dual: at.dual }
 }
 
 /// Rotation that the stiffness acts against in the force: `h omega + h^2 omega'`.
 #[inline(always)]
-fn turned<L: Lane>(h: L, at: &BodyMotion<L>) -> Vector3<L> {
+fn turned<L: Lane>(h: L, at: &AdjointMotion<L>) -> Vector3<L> {
     at.acceleration.angular.scale_add(h, at.twist.angular).scale(h)
 }
 
@@ -94,11 +94,11 @@ pub(super) fn add_factor_products<L: Lane, const IMPLICIT: bool>(
     body: &BodyTerms<L>,
     parts: &UnscaledBodyTerms<L>,
     h: L,
-    at: &BodyMotion<L>,
+    at: &AdjointMotion<L>,
     of: &mut Factors<L>,
 ) {
-    let at = &BodyMotion { dual: -at.dual, ..*at };
-    let BodyMotion { twist, acceleration, gravity, dual } = *at;
+    let at = &AdjointMotion { dual: -at.dual, ..*at };
+    let AdjointMotion { twist, acceleration, gravity, dual } = *at;
     let product = |force: Vector6<L>| dual.dot(force);
     for (inertia, of) in [(&parts.rigid, &mut of.mass), (&parts.added, &mut of.added_mass)] {
         *of += product(inertia.apply(acceleration) + inertia.bias_wrench(twist));

@@ -121,7 +121,7 @@ pub struct Loads<'a> {
     pub external: &'a [Vector6<f64>],
     /// Actuator torque per joint, N m or N, within its effort; of a prescribed joint, [`ClosedForm::drive_torques`].
     pub joint_command: &'a [f64],
-    /// Acceleration of the prescribed joints, one entry per joint, rad/s2 or m/s2; those of other joints are not read.
+    /// Acceleration of the prescribed joints, one entry per joint, rad/s2 or m/s2; entries of other joints are not read.
     pub joint_acceleration: &'a [f64],
     /// Deflection per fin, rad; an empty slice stands for the scene's deflections.
     pub fins: &'a [f64],

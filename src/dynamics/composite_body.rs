@@ -25,8 +25,8 @@ pub struct CompositeBody<L> {
 }
 
 impl<L: Lane> CompositeBody<L> {
-    /// Composite of a system under `gravity` (vehicle axes, m/s2) whose vehicle has `twist` relative to the water. Fins and
-    /// tether are left out.
+    /// Composite of a system under `gravity` (vehicle axes, m/s2) whose vehicle has `twist` relative to the water. The
+    /// vehicle's terms (fins, tether) are left out.
     #[inline(always)]
     pub fn of<P: Param<L>, B: Param<L>>(
         system: &System<P, B>,
@@ -69,7 +69,7 @@ impl<L: Lane> CompositeBody<L> {
         self.force = self.force + (inertia.bias_wrench(twist) - bias);
     }
 
-    /// Momentum of the joints' motion alone: `h - inertia V`, N s and N m s.
+    /// Momentum due to the joints' motion: `h - inertia V`, N s and N m s.
     #[inline(always)]
     pub fn joint_momentum(&self, twist: Vector6<L>) -> Vector6<L> {
         self.momentum - self.inertia.apply(twist)

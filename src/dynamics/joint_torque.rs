@@ -5,7 +5,7 @@ use std::hint::cold_path;
 use crate::lane::{Lane, Param, get_all, inverse_sqrt};
 use crate::system::JointTerms;
 
-/// Torque along +q, N m or N. `command` is that of the actuator, `target` the servo's `(q_d, q_d')` if it is on.
+/// Torque along +q, N m or N. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
 #[inline(always)]
 pub fn joint_torque<L: Lane, P: Param<L>, B>(
     joint: &JointTerms<P, B>,

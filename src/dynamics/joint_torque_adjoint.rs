@@ -1,4 +1,4 @@
-//! Adjoint of the joint torques, by dual numbers: each depends on three numbers alone.
+//! Adjoint of the joint torques, by dual numbers: each depends on three numbers.
 
 use super::joint_torque::{implicit_joint_torque, joint_torque};
 use crate::lane::{Dual, Lane};
@@ -13,7 +13,7 @@ pub(super) struct JointCotangents<L> {
     pub target: [L; 2],
 }
 
-/// Cotangents from those of the torque and, for a linearly implicit method of step h, of its decrease per acceleration.
+/// Cotangents from the cotangents of the torque and, for a linearly implicit method of step h, of its decrease per acceleration.
 #[inline(always)]
 pub(super) fn joint_torque_adjoint<L: Lane, const IMPLICIT: bool>(
     joint: &JointTerms<L>,

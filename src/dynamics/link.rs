@@ -182,7 +182,7 @@ impl<L: Lane> Link<L> {
         (gravity, twist)
     }
 
-    /// Vector in this link's axes and twist at this link's frame, from those of the parent.
+    /// Vector in this link's axes and twist at this link's frame, from the parent's.
     #[inline(always)]
     fn both_from_parent<P: Param<L>, B>(
         &self,
@@ -201,7 +201,7 @@ impl<L: Lane> Link<L> {
         with_screw!(self, joint, |screw| screw.adjoint_apply_inverse(twist))
     }
 
-    /// Inertia in the parent's frame from that of this link.
+    /// Inertia in the parent's frame from the inertia in this link's.
     #[inline(always)]
     pub fn inertia_to_parent<P: Param<L>, B>(
         &self,
@@ -279,7 +279,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// Vector in the joint's axes at zero and twist at the joint's frame at zero, from those of the parent.
+    /// Vector in the joint's axes at zero and twist at the joint's frame at zero, from the parent's.
     #[inline(always)]
     fn both_from_parent<L: Lane>(&self, v: Vector3<L>, twist: Vector6<L>) -> (Vector3<L>, Vector6<L>)
     where

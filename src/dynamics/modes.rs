@@ -44,9 +44,9 @@ impl Linearization {
         self
     }
 
-    /// Modes of the motion with its coefficients held constant.
+    /// Modes of the motion with constant coefficients.
     ///
-    /// Left out are states without a rate: coordinates on which nothing depends, a held vehicle, and the rotation of the pose
+    /// Left out are states without a rate: coordinates on which nothing depends, a fixed vehicle, and the rotation of the pose
     /// error with a moving frame (`ad_V0`), which the methods on the group integrate exactly.
     pub fn modes(&self) -> Modes {
         let rates = self.b.ncols();

@@ -9,7 +9,7 @@ use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
 pub enum Chart {
     /// `T exp(Theta)` about the step's start, `Theta' = dexp^-1_(-Theta) V`: Munthe-Kaas methods. `[HC eq. 18]`
     Exponential,
-    /// The same for Euler's rule alone; pose and joints move at the velocities of the step's end.
+    /// The same, only for Euler's rule; pose and joints move at the velocities of the step's end.
     VelocityFirst,
     /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
     EulerAngles,
@@ -32,7 +32,7 @@ pub enum Correction {
 /// Representation of the attitude.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attitude {
-    /// The rotation matrix alone.
+    /// Only the rotation matrix.
     Matrix,
     /// `[0, roll, pitch, yaw]`.
     Angles,

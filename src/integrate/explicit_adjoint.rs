@@ -50,7 +50,8 @@ impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
         &self.part.from
     }
 
-    /// Cotangents of the start of the last sub-interval of a record from those of its end, in the lanes that took it. Removes it.
+    /// Replaces the cotangents at the end of a record's last sub-interval by the cotangents at its start, in the lanes that took it, and
+    /// removes it.
     #[inline(always)]
     pub fn reverse<D: DerivativeAdjoint<L, N>>(
         &mut self,

@@ -47,7 +47,8 @@ impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
         &self.part.from
     }
 
-    /// Cotangents of the start of the last sub-interval of a record from those of its end, in the lanes that took it. Removes it.
+    /// Replaces the cotangents at the end of a record's last sub-interval by the cotangents at its start, in the lanes that took it, and
+    /// removes it.
     #[inline(always)]
     pub fn reverse<D: DerivativeAdjoint<L, N>>(
         &mut self,
@@ -140,7 +141,7 @@ impl<L: Lane, const N: usize> Default for ImplicitAdjoint<L, N> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    /// Cotangents of a point, in place of those of the point that [`Point::advance`] makes of it, and of the rates.
+    /// Reverse of [`Point::advance`]: replaces the cotangents of the advanced point by those of the point, and sets those of the rates.
     #[inline(always)]
     fn advance_adjoint(
         &mut self,

@@ -53,7 +53,7 @@ pub struct PoseCotangents<L> {
 }
 
 impl<L: Lane> PoseCotangents<L> {
-    /// Cotangent of theta in this pose, `T exp(theta)`; adds those of T.
+    /// Cotangent of theta in this pose, `T exp(theta)`; adds the cotangent of T.
     #[inline(always)]
     pub(super) fn pull_back<const N: usize>(
         &self,
@@ -114,8 +114,8 @@ impl<L: Lane, const N: usize> StageCotangents<L, N> {
 pub trait DerivativeAdjoint<L: Lane, const N: usize> {
     /// Number of joints in use.
     fn joints(&self) -> usize;
-    /// Cotangents of a stage from those of its rates, `[V'; q'']`; the rates are those of the right-hand side there. Those of inputs
-    /// and parameters are added up. `when` is the time of the stage after the start of the interval, and for linearly implicit
+    /// Cotangents of a stage from the cotangents of its rates `[V'; q'']`. `rates` is the value of the right-hand side. Adds the
+    /// cotangents of inputs and parameters. `when` is the time of the stage after the start of the interval, and for linearly implicit
     /// methods the size of the solve that begins there.
     fn rates_adjoint(
         &mut self,

@@ -17,7 +17,7 @@ pub enum Integrator {
 pub struct Implicit {
     /// Order, 2 or 3.
     pub order: usize,
-    /// Rotation within a step beyond which a lane halves it, rad. Smaller than that of the explicit methods: Euler's equations and
+    /// Rotation within a step beyond which a lane halves it, rad. Smaller than for the explicit methods: Euler's equations and
     /// other products of velocities are treated explicitly, and an oscillation then grows by `(h rate)^4 / 8` a step.
     pub max_turn: f64,
     /// `h |rate|` of a joint at its end stop beyond which a lane that loses a bounce, or gains by it, halves the step. L-stable steps lose
@@ -181,9 +181,9 @@ impl Integrator {
         Some(found)
     }
 
-    /// The same for steps that are `ratio` times as long and tolerances that are `looser` in a precision of this epsilon. It divides steps
-    /// into sub-intervals at `ratio^3` times the rotation: a motion from rest may turn by that much in the shorter step, and both would
-    /// take the same sub-intervals.
+    /// Rescaled for steps `ratio` times longer, with tolerances `looser` times larger in a precision of this epsilon. The limit of
+    /// rotation for sub-intervals scales with `ratio^3`: a motion from rest may turn by that much in the shorter step, and both would
+    /// have the same sub-intervals.
     pub fn at_ratio(mut self, ratio: f64, looser: f64, epsilon: f64) -> Self {
         match &mut self {
             Integrator::Explicit(method) => {

@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use super::linearly_implicit::extrapolation_weights;
 use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
-/// Maximum accepted growth of a mode by integration alone, 1/s: 1 % per second. Some is inevitable: the methods of order 1
+/// Maximum accepted growth of a mode that is due to integration, 1/s: 1 % per second. Some is inevitable: the methods of order 1
 /// and 2 amplify an undamped oscillation at any step.
 pub const GROWTH: f64 = 0.01;
 /// Maximum accepted error of a mode's damping relative to its rate, for motions that do not last.
@@ -136,7 +136,7 @@ fn linearly_implicit(order: usize, z: Complex<f64>) -> Complex<f64> {
 }
 
 impl Integrator {
-    /// Stability function. The stability of a method on the group is that of its tableau.
+    /// Stability function. A method on the group has the stability of its tableau.
     pub fn stability(&self) -> Stability {
         match self {
             Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,

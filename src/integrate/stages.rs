@@ -178,7 +178,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     /// Change of the right-hand side between states within the step. Squares of the states' difference, first its
     /// coordinates and then its velocities times h; and of the accelerations' change times h^2.
     ///
-    /// Written in the accelerations alone: coordinates differ by `h` times the difference of the velocities before them.
+    /// Written in the accelerations: coordinates differ by `h` times the difference of the velocities before them.
     #[inline(always)]
     pub(super) fn contrast(&self, contrast: &Contrast, n: usize, h: L, from: &Motion<L, N>) -> [L; 3] {
         let Contrast { three, place, speed, change: [last, before], .. } = *contrast;

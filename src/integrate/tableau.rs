@@ -25,7 +25,7 @@ pub struct Tableau {
     pub place_error: [f64; STAGES],
     /// Where the rows of `a` and `place`, and last `b` and `place_end`, are not zero.
     pub support: [[Support; 2]; STAGES + 1],
-    /// Differences between the step weights and those of an embedded method of lower order, if there is one: its last stage is
+    /// Differences between the step weights and the weights of an embedded method of lower order, if there is one: its last stage is
     /// the step's end.
     pub error: Option<[f64; STAGES]>,
     /// Detection of fast rates from the stages, for methods of more than one stage.

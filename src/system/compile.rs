@@ -16,7 +16,7 @@ pub struct Compiled {
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
-    /// Point at which payloads are held: the end effector's origin in the last moving body's frame, m.
+    /// Attachment of payloads: the end effector's origin in the last moving body's frame, m.
     pub payload_attachment: [f64; 3],
     /// Parts of the terms of each moving body, vehicle first.
     pub unscaled: Vec<UnscaledBodyTerms<Shared<f64>>>,

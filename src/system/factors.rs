@@ -41,7 +41,7 @@ numbers! {
 
 impl<T: Real> System<Shared<T>> {
     /// Memory for a system with numbers per instance, with every term that [`System::apply_factors`] may need: `unscaled` terms
-    /// of the bodies (vehicle first), and the point at which payloads are held, in the last body's frame, if any.
+    /// of the bodies (vehicle first), and the attachment of payloads in the last body's frame, if any.
     pub fn allocate_scaled<L: Lane<Real = T>>(
         &self,
         unscaled: &[UnscaledBodyTerms<Shared<T>>],

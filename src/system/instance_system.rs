@@ -31,7 +31,7 @@ impl From<&Compiled> for InstanceSystem<f64> {
 }
 
 impl<L: Lane> InstanceSystem<L> {
-    /// Memory for the numbers of a lane, set to shared ones: those of [`System::allocate_scaled`], and `parts` of the bodies.
+    /// Memory for the numbers of a lane, set to the shared numbers of `system` ([`System::allocate_scaled`]) and `parts` of the bodies.
     pub fn allocate(
         system: System<L>,
         parts: &[UnscaledBodyTerms<Shared<L::Real>>],

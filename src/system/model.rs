@@ -12,7 +12,7 @@ numbers! {
     /// The z axis of every joint frame lies along the joint. `compile` chooses the frames so that consecutive ones are related by
     /// modified Denavit-Hartenberg transforms wherever these are well conditioned.
     ///
-    /// Numbers are of type P; those of bodies, which may differ between instances, are of type B.
+    /// Numbers are of type P; numbers of bodies, which may differ between instances, are of type B.
     #[derive(Debug, Clone, PartialEq)]
     pub struct System<P, B = P> {
         /// Gravity in world axes, m/s2.
@@ -50,7 +50,7 @@ numbers! {
         pub damping: Vec<Damping<B>> = visit_frames,
         /// `inertia`, `restoring` and the first entry of `damping` again, in their common central frame if they have one.
         pub central: Option<CentralFrameTerms<B>>,
-        /// Point mass held by single instances; included in `inertia` and `restoring`, not in `central`.
+        /// Point mass that single instances carry; included in `inertia` and `restoring`, not in `central`.
         pub payload: Option<PointMass<B>> = unvisited,
     }
 }

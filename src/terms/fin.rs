@@ -250,7 +250,7 @@ impl<L: Lane> FinAxes<L> {
         }
     }
 
-    /// Cotangents of the deflections from those of chords and normals.
+    /// Cotangents of the deflections from the cotangents of chords and normals.
     #[inline(always)]
     pub fn deflect_adjoint(&self, of_axes: &Self, count: usize) -> [L; FINS] {
         let mut of = [L::zero(); FINS];
