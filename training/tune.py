@@ -9,7 +9,7 @@ python training/tune.py --controller pd --controller pid --period 0.05
 The objective is the pose error of the comparison. CMA-ES (`pycma`) searches in the logarithm of the gains. All
 candidates of a generation run the same episodes; every generation has new ones, none of them of the comparison. The
 finalists run on fresh episodes, and the best is written to the package's `gains.json` with a record of the search. The
-base (PD in station keeping) is tuned for its errors alone; the others start from its gains, where they have the same,
+base (PD in station keeping) is tuned for its errors only; the others start from its gains, where they have the same,
 or from those in `STARTS`, with a penalty for effort and variation beyond the setting's limits, which are
 multiples of the base's in the same episodes.
 
@@ -52,7 +52,7 @@ from uvms_gym.training.evaluation import run_episodes
 
 Floats = NDArray[np.float64]
 
-#: Seeds of the episodes: below are those of the comparison, above those of evaluations in training.
+#: Seeds of the episodes: the comparison has lower ones, evaluations in training have higher ones.
 SEEDS = range(1_000_000, 2_000_000)
 #: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
 STEPS = {"station-keep": 0.025, "ee-track": 0.01}
@@ -132,7 +132,7 @@ class Tuner:
         return gains
 
     def factors(self, gains: dict[str, Any] | None = None) -> dict[str, Floats]:
-        """Gains as they are tuned: values, or factors on the controller's defaults; None: those of the defaults."""
+        """Gains as they are tuned: values, or factors on the controller's defaults; None: of the defaults."""
         numbers = self._own if gains is None else gains
         return {p.name: np.asarray(numbers[p.name]) / (1.0 if p.absolute else self._own[p.name]) for p in self._sought}
 
@@ -264,7 +264,7 @@ def main(
     episodes: Annotated[int, typer.Option(help="Episodes of a candidate, 4 to 10000.")] = 64,
     finals: Annotated[int, typer.Option(help="Episodes of a finalist, 4 to 10000.")] = 1024,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
-    threads: Annotated[int | None, typer.Option(help="Most threads. [default: one per core]")] = None,
+    threads: Annotated[int | None, typer.Option(help="Maximum number of threads. [default: one per core]")] = None,
     policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = PRETRAINED,
     work: Annotated[Path, typer.Option(help="Folder for the state of interrupted searches.")] = Path("out/tune"),
 ) -> None:

@@ -21,7 +21,7 @@ from helpers import fake_moviepy, free_port
 import uvms_gym
 from uvms_gym.cli import main
 from uvms_gym.cli.app import app
-from uvms_gym.controllers.registry import policy_file
+from uvms_gym.controllers.registry import policies
 
 ROOT = Path(__file__).parents[2]
 #: Texts with snippets; cells of notebooks run when the site is built, README and its short form in test_readme.
@@ -127,7 +127,7 @@ def test_the_commands_of_a_text_exist(text: Path, monkeypatch: pytest.MonkeyPatc
     ],
 )
 def test_the_commands_of_a_text_run(found: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copy(policy_file("ppo", scene="petasus-pum", dt=0.02, substeps=5), tmp_path / "policy.safetensors")
+    shutil.copy(policies(scene="petasus-pum", dt=0.02, substeps=5)["ppo"][0], tmp_path / "policy.safetensors")
     shutil.copy(Path(uvms_gym.__file__).parent / "scenes" / "petasus-pum.toml", tmp_path / "my-scene.toml")
     shutil.copy(ROOT / "tests" / "golden" / "alpha5.urdf", tmp_path / "arm.urdf")
     (tmp_path / "controller.py").write_text("from uvms_gym import PID as Controller\n")

@@ -37,7 +37,7 @@ from uvms_gym.studies.comparison.scoreboard import read_entries
 from uvms_gym.studies.comparison.study import STORED, as_document, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.summary import summarise
 from uvms_gym.studies.comparison.unfinished import Unfinished
-from uvms_gym.studies.comparison.verification import MOST_CURRENT, MOST_EPISODES, TOLERANCE
+from uvms_gym.studies.comparison.verification import MAX_CURRENT, MAX_EPISODES, TOLERANCE
 from uvms_gym.studies.comparison.verification import verify as make_again
 from uvms_gym.studies.records import circumstances
 
@@ -49,7 +49,7 @@ def compare(
     controller: Annotated[list[str] | None, several(CONTROLLER_HELP, "every available controller")] = None,
     policies: Policies = None,
     episodes: Annotated[
-        int, Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
+        int, Option(help=f"Episodes of each controller under each condition, 2 to {MAX_EPISODES}.")
     ] = 1024,
     seed: Annotated[int, Option(help="Episode i has the seed SEED + i.")] = 0,
     condition: Annotated[list[str] | None, several(f"One of {', '.join(DEPARTURES)}", DESIGN)] = None,
@@ -72,7 +72,7 @@ def compare(
     current: Annotated[
         float | None,
         Option(
-            help=f"Maximum speed of the random current without a disturbance, 0 to {MOST_CURRENT:g} m/s. "
+            help=f"Maximum speed of the random current without a disturbance, 0 to {MAX_CURRENT:g} m/s. "
             "[default: the environment's]"
         ),
     ] = None,
@@ -87,10 +87,10 @@ def compare(
     Prints interquartile means with 95 % intervals, and writes pictures, compare.json and scores.npz to --out. A stopped
     run keeps its finished controllers in --out; the same command goes on with the others.
     """
-    check_range("--episodes", episodes, 2, MOST_EPISODES)
+    check_range("--episodes", episodes, 2, MAX_EPISODES)
     check_range("--seed", seed, 0, math.inf)
     if current is not None:
-        check_range("--current", current, 0.0, MOST_CURRENT)
+        check_range("--current", current, 0.0, MAX_CURRENT)
     with user_errors():
         controller = [canonical(name) for name in controller or ()]
     named = {"scene": scene, "disturbance": disturbance, "max_current": current, "action": action}
@@ -209,5 +209,5 @@ def verify(
         raise fail(f"{file}: controllers that are not checked: {len(unchecked)}")
     line(
         f"{file}: all {'other ' * bool(unchecked)}entries are reproduced, numbers to {TOLERANCE:g}; records of the run "
-        "(time, versions, commit, machine) are checked for their form alone"
+        "(time, versions, commit, machine) are checked for their form only"
     )

@@ -1,4 +1,4 @@
-"""Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
+"""Controllers with the signature of Stable-Baselines3's policies. They run natively."""
 
 from uvms_gym.controllers.base import Controller, StateWarning
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring

@@ -121,7 +121,7 @@ class ClassicalController(Controller):
 
     #: Name of the native controller.
     kind: ClassVar[str]
-    #: Task without an environment, and all tasks; none: that one alone.
+    #: Task without an environment, and all tasks; empty: only that one.
     _task: ClassVar[str] = "station-keep"
     _tasks: ClassVar[tuple[str, ...]] = ()
 

@@ -253,7 +253,7 @@ class ControllerEntry(NamedTuple):
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """Tasks; of a residual policy those of its base."""
+        """Tasks; of a residual policy the tasks of its base."""
         base = self.setting.base
         return self.family.tasks if base is None else CONTROLLERS[base].tasks
 

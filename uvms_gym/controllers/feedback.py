@@ -18,10 +18,10 @@ class NoControl(ClassicalController):
 
 
 class PD(ClassicalController):
-    """PD on the vehicle, `F = -kp e - kd V`, from observations alone. [HC sec. 5.2]
+    """PD on the vehicle, `F = -kp e - kd V`, from observations only. [HC sec. 5.2]
 
-    It reads the pose error e (body axes; attitude error "log": the rotation vector) and the body twist V; the arm is
-    held by its own servos. The wrench becomes an action of the environment's kind, clipped to [-1, 1].
+    It reads the pose error e (body axes; attitude error "log": the rotation vector) and the body twist V; the arm's
+    servos hold the arm. The wrench becomes an action of the environment's kind, clipped to [-1, 1].
     `Simulator.step(pose_target=...)` evaluates the same law at every stage, with the attitude error "vee":
     `vee(R_d^T R - R^T R_d) / 2`, the sine of the angle.
 
@@ -70,10 +70,10 @@ class PID(ClassicalController):
 
 
 class PDRestoring(ClassicalController):
-    """`PD` less the weight and buoyancy of the whole system, `F = -kp e - kd V - f_g`.
+    """`PD` minus the weight and buoyancy of the system, `F = -kp e - kd V - f_g`.
 
-    f_g is that of vehicle, arm and payload as the scene has them, at the measured attitude and joint coordinates.
-    Targets are level, so that the attitude error alone gives the direction of gravity.
+    f_g is the weight and buoyancy of the scene's vehicle, arm and payload at the measured attitude and joint angles.
+    Targets are level, so that the attitude error gives the direction of gravity.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ class PDRestoring(ClassicalController):
 
 
 class DockPD(ClassicalController):
-    """PD for `UVMS-Dock` with a limited approach speed, `F = -kp sat(e) - kd V_r`, from observations alone.
+    """PD for `UVMS-Dock` with a limited approach speed, `F = -kp sat(e) - kd V_r`, from observations only.
 
     It reads the pose error e and the twist V_r relative to the dock, which feeds the dock's velocity forward. `sat`
     scales the linear and the angular part of e down together where the velocity at which both terms balance,
-    `-kp e / kd`, exceeds the approach speed. The arm is held by its own servos.
+    `-kp e / kd`, exceeds the approach speed. The arm's servos hold the arm.
 
     Parameters
     ----------

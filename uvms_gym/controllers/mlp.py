@@ -1,4 +1,4 @@
-"""Neural policies, alone or as corrections to a controller, without torch."""
+"""Neural policies, by themselves or as corrections to a controller, without torch."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uvms_gym.controllers.base import Controller, options_of
 class MLP(Controller):
     """A neural network: layers `W x + b` with an activation between them, in float32.
 
-    Its action is that of a trained policy with `deterministic=True`: the mean. Files are safetensors; they hold the
+    Its action is the mean, as with `deterministic=True` in training. Files are safetensors; they hold the
     policy's environment (task, scene, kind of action, control period, names and sizes of the observation's blocks), and
     are refused by another. A scene that is altered but keeps its name counts as the same.
 

@@ -92,8 +92,9 @@ class AdaptiveDOB(MultipleModel):
     The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
     stands for thrust over inertia. Each has an observer of `DOB` under b times the commanded wrench. The log-likelihood
     of its innovations fades with `memory_time`, `l = exp(-T / memory_time) l - sum (innovation / deviation)^2 / 2`:
-    innovations of the vehicle's twist, which tell the thrust, and of the joints about their references, which are not
-    delayed and so tell the delay. The wrench is the mean of the models' `F / b` by their weights `exp(l)`.
+    innovations of the vehicle's twist, which depend on the thrust, and of the joints about their references. These
+    references are not delayed, so that the joints show the delay. The wrench is the mean of the models' `F / b` by
+    their weights `exp(l)`.
 
     Gains of feedback decrease with a model's delay, `kp / (1 + a[0] tau)` and `kd / (1 + a[1] tau)` with `a` for
     `delay_schedule`. Weights are equal until all models have predicted a measurement. A
@@ -208,16 +209,16 @@ class NMPC(ClassicalController):
         Weights on efforts over their limits: forces, moments and, in tracking, joint torques, m2. (0.03, 0.06, 0.03) by
         default, in tracking (0.003, 0.003, 0.02).
     change : array_like (2,) or None
-        Weights on the wrench less that of the thrusters at the time, over its limits: forces and moments, m2.
+        Weights on the wrench minus the thrusters' present wrench, over its limits: forces and moments, m2.
         (0.01, 0.02) by default, in tracking 0.003.
     posture, levelling : float or None
         Weights on the distance of joints from home and on the vehicle's tilt, 1 rad as 0.5 m. 1e-6 and 0.01 by
-        default. Tracking alone.
+        default. Tracking only.
     observer_bandwidth : array_like (3,) or None
         Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints. 8 by default, in
         tracking (7, 7, 10).
     wave_acceleration, wave_frequency, acceleration_noise
-        Meaning as in `ComputedTorque`; station keeping alone.
+        Meaning as in `ComputedTorque`; station keeping only.
     delay : int or None
         Age of measurements in control periods, which is compensated, 0 to 10. By default the age in the environment's
         sensors.
@@ -228,7 +229,7 @@ class NMPC(ClassicalController):
 
 
 class ResolvedMotion(ClassicalController):
-    """Resolved motion and inverse dynamics for `UVMS-EETrack`, from observations alone. [Whi69]
+    """Resolved motion and inverse dynamics for `UVMS-EETrack`, from observations only. [Whi69]
 
     The end effector's commanded twist is the reference's less `pose_gain` times the pose error and its integral. A
     damped and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the
@@ -277,9 +278,9 @@ class AdaptiveResolvedMotion(MultipleModel):
     The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
     stands for thrust over inertia. Each has an observer of `ResolvedMotion` under b times the commanded wrench. The
     log-likelihood of its innovations fades with `memory_time`, `l = exp(-T / memory_time) l - sum (innovation /
-    deviation)^2 / 2`: innovations of the vehicle's twist, which tell the thrust, and of the joints' rates, which tell
-    the delay. Wrench and torques are the means of the models' own by their weights `exp(l)`, wrenches over b. What the
-    models lack, a payload's weight at the wrist among it, is in their observers' disturbances of vehicle and joints.
+    deviation)^2 / 2`: innovations of the vehicle's twist, which depend on the thrust, and of the joints' rates, which
+    depend on the delay. Wrench and torques are the means over the models by their weights `exp(l)`, wrenches divided by
+    b. What the models lack, such as a payload's weight, is in their observers' disturbances of vehicle and joints.
 
     Gains of feedback may decrease with a model's delay, `pose_gain / (1 + a[0] tau)`, and `twist_gain` and `joint_gain`
     over `1 + a[1] tau`, with `a` for `delay_schedule`. Weights are equal until all models have predicted a measurement.

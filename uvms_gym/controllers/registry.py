@@ -68,7 +68,7 @@ def make_controller(
     """Make a controller by its name, with tuned gains or a shipped policy.
 
     `make_controller("pd", env)` has tuned gains where the package ships them; `PD(env)`, and
-    `make_controller("pd", env, gains="scene")`, have those of the scene. `make_controller("dob", "calm", env)` and
+    `make_controller("pd", env, gains="scene")`, have the scene's gains. `make_controller("dob", "calm", env)` and
     `make_controller("dob/calm", env)` are the same. `uvms controllers` lists all controllers.
 
     Parameters
@@ -118,7 +118,7 @@ def make_controller(
     entry = CONTROLLERS[name]
     if entry.kind is not None:
         return _classical(entry, given, gains)
-    file, base = _policy_file(name, seed, given, place(**given)), entry.setting.base
+    file, base = _policy_file(name, seed, given), entry.setting.base
     policy = MLP.load(file, residual=base is not None, **given)
     _warn_of_training(name, policy.notes, given)
     if base is None:
@@ -134,16 +134,17 @@ def make_controller(
         raise ValueError(f"{file}: {error}") from None
 
 
-def seeds(name: str, env: Any = None, **options: Any) -> tuple[int, ...]:
-    """Training seeds of a learned controller's policies for an environment; none for classical ones."""
+def policies(env: Any = None, **options: Any) -> dict[str, dict[int, Path]]:
+    """Files of policies for an environment, by controller and training seed."""
     given = options_of("controller", env, options)
-    return tuple(_policies(given, place(**given)).get(name, ())) if name in CONTROLLERS and is_learned(name) else ()
+    # Policies are trained on wrenches.
+    return policies_at(place(**given)) if given.get("action", "wrench") == "wrench" else {}
 
 
 def available(env: Any = None, **options: Any) -> tuple[str, ...]:
     """Controllers available for this task: classical ones, and those with a policy."""
     given = options_of("controller", env, options)
-    there = _policies(given, place(**given))
+    there = policies(**given)
     return tuple(name for name in names(given.get("task", "station-keep")) if not is_learned(name) or name in there)
 
 
@@ -187,21 +188,9 @@ def tuned_at(name: str, at: Path) -> dict[str, Any] | None:
     return entry
 
 
-def policy_file(name: str, seed: int | None = None, env: Any = None, **options: Any) -> Path:
-    """File of a learned controller's policy.
-
-    Raises
-    ------
-    Unavailable
-        There is none; the message names those that are there.
-    """
-    given = options_of("controller", env, options)
-    return _policy_file(name, seed, given, place(**given))
-
-
-def _policy_file(name: str, seed: int | None, given: dict[str, Any], at: Path) -> Path:
-    there = _policies(given, at)
-    task, scene, period = at.parts
+def _policy_file(name: str, seed: int | None, given: dict[str, Any]) -> Path:
+    there = policies(**given)
+    task, scene, period = place(**given).parts
     where = (
         f"{task}, scene {scene}, control period {period.removesuffix('s')} s, actions {given.get('action', 'wrench')}"
     )
@@ -261,11 +250,11 @@ def _warn_of_delay(
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (minimum, most) = design(env, arguments)[0], made.delays
-    if bridged == minimum == most or (most <= high and (minimum >= low or not is_learned(name))):
+    (low, high), (minimum, maximum) = design(env, arguments)[0], made.delays
+    if bridged == minimum == maximum or (maximum <= high and (minimum >= low or not is_learned(name))):
         return False
-    defaults = not is_learned(name) and minimum == most
-    designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (minimum, most)))
+    defaults = not is_learned(name) and minimum == maximum
+    designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (minimum, maximum)))
     warnings.warn(
         f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; here they are "
         f"{found}: {'default gains take the place of tuned ones' if defaults else 'it may be unstable'}",
@@ -286,11 +275,6 @@ def design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
     given = {"task": task, **spec.kwargs, **json.loads(arguments)}
     matters = {key: given[key] for key in ("task", "dt", "substeps", "disturbance", "thruster_lag") if key in given}
     return native(matters).delays, given.get("thruster_lag")
-
-
-def _policies(given: dict[str, Any], at: Path) -> dict[str, dict[int, Path]]:
-    # Policies are trained on wrenches.
-    return policies_at(at) if given.get("action", "wrench") == "wrench" else {}
 
 
 def policies_at(at: Path) -> dict[str, dict[int, Path]]:

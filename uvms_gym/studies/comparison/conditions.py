@@ -47,7 +47,7 @@ class Condition(NamedTuple):
     options : dict
         Arguments of the environment.
     designed : dict
-        Arguments known to controllers, and `task`: those of the design.
+        Arguments known to controllers, which are the design's, and `task`.
     steps : int
         Control periods of an episode.
     """
@@ -88,7 +88,7 @@ class Departure(NamedTuple):
 
     summary: str
     change: Callable[[Options], Options]
-    told: bool = False
+    known: bool = False
 
 
 def _level(options: Options) -> Components:
@@ -139,7 +139,7 @@ DEPARTURES: dict[str, Departure] = {
     "x1.3": Departure(
         f"disturbances {HARDER:g} times as strong", lambda options: {"disturbance": harder(_level(options))}
     ),
-    "storm-hard": Departure("the level held out for evaluation", lambda options: {"disturbance": "storm-hard"}),
+    "storm-hard": Departure("the level reserved for evaluation", lambda options: {"disturbance": "storm-hard"}),
     "payload": Departure(
         "payload of 16 to 24 % of the thrust", lambda options: {"disturbance": _with(options, payload=_HEAVY_PAYLOAD)}
     ),
@@ -150,7 +150,7 @@ DEPARTURES: dict[str, Departure] = {
         "no disturbance but pushes", lambda options: {"disturbance": _only(options, "impulse"), **_still(options)}
     ),
     "calm": Departure("still water, sensors without noise or delay", lambda options: {"disturbance": "calm"}),
-    "period-0.05": Departure("control period of 0.05 s", lambda options: {"period": 0.05}, told=True),
+    "period-0.05": Departure("control period of 0.05 s", lambda options: {"period": 0.05}, known=True),
 }
 
 
@@ -214,7 +214,7 @@ def _condition(env: str, scene: str, level: str | None, departure: str, base: Op
         dt, before = (options.get(name, getattr(chosen_options, name)) for name in ("dt", "substeps"))
         substeps = max(1, round(period / dt))
         options["substeps"], steps = substeps, round(steps * before / substeps)
-    designed = options if chosen.told else base
+    designed = options if chosen.known else base
     options = {key: value for key, value in options.items() if key not in ("task", "reward")}
     return Condition(env, scene, level, departure, options, dict(designed), steps)
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from uvms_gym import Rollout
 from uvms_gym._files import read
-from uvms_gym.controllers import MLP, Controller, Residual, registry
-from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_bound
+from uvms_gym.controllers import MLP, Residual, registry
+from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_bound, is_file
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
@@ -68,20 +68,14 @@ def make_contender(condition: Condition, name: str, seeds: tuple[int, ...] | Non
         return Contender(name, (), [made], {"files": [_file(file_of(name), made)]})
     bound = is_bound(name)
     options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
-    seeds = seeds or registry.seeds(name, **options)
+    files = registry.policies(**options).get(name, {})
+    seeds = seeds or tuple(files)
     made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
-    return Contender(name, seeds, made, _origin(name, seeds, made, options), bound)
-
-
-def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], options: Any) -> dict[str, Any]:
-    """Origin of controllers: their files, or their gains with the tuning (None: not tuned)."""
-    if name.startswith(MLP_PREFIX):
-        files = [Path(name.removeprefix(MLP_PREFIX))]
-    elif seeds:
-        files = [registry.policy_file(name, seed, **options) for seed in seeds]
-    else:
-        return {"tuned": registry.tuned(name, **options)}
-    return {"files": [_file(file, controller) for file, controller in zip(files, controllers, strict=True)]}
+    paths = [Path(name.removeprefix(MLP_PREFIX))] if is_file(name) else [files[seed] for seed in seeds]
+    origin = (
+        {"files": [_file(*pair) for pair in zip(paths, made)]} if paths else {"tuned": registry.tuned(name, **options)}
+    )
+    return Contender(name, seeds, made, origin, bound)
 
 
 def _file(file: Path, controller: Any) -> dict[str, Any]:

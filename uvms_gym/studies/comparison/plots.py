@@ -58,8 +58,8 @@ def plot_bars(path: Path, results: Results) -> None:
     """Every metric of every controller with its interval, and 95th percentiles of the errors, by comparison."""
     from matplotlib.lines import Line2D
 
-    most = max(len(summary.controllers) for _, summary in results)
-    height = 0.24 * most + 0.75
+    count = max(len(summary.controllers) for _, summary in results)
+    height = 0.24 * count + 0.75
     with picture(path, 12.5, (2 * height + 0.35) * len(results) + 0.4) as figure:
         parts = np.atleast_1d(np.array(figure.subfigures(len(results), 1), dtype=object))
         for part, (comparison, summary) in zip(parts, results, strict=True):
@@ -223,7 +223,7 @@ def plot_departures(path: Path, groups: Mapping[str, Results]) -> None:
             axes.set_title(f"{group}: pose error, mm (boxed: minimum)", pad=26.0)
         bar = figure.colorbar(image, ax=list(grid), location="bottom", shrink=0.5, aspect=40, pad=0.03)
         bar.set_ticks([-2.0, -1.0, 0.0, 1.0, 2.0], labels=["1/4", "1/2", "1", "2", "4"])
-        bar.set_label(f"over that of {results[0][1].baseline}")
+        bar.set_label(f"ratio to {results[0][1].baseline}")
 
 
 def controllers_of(results: Results) -> list[str]:

@@ -1,7 +1,7 @@
 """Whole comparisons: contenders under conditions, and their summaries as data."""
 
-from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, inform
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.summary import Summary
+
+if TYPE_CHECKING:
+    from uvms_gym.studies.comparison.unfinished import Scores
 
 #: Note in place of a controller without a shipped policy.
 NO_POLICY = "no policy"
@@ -107,11 +110,12 @@ def run_all(
     episodes: int,
     seed: int,
     tick: Tick = lambda steps: None,
-    kept: MutableMapping[str, EpisodeScores] | None = None,
+    kept: "Scores | dict[str, EpisodeScores] | None" = None,
 ) -> dict[str, EpisodeScores]:
-    """Run all contenders over the episodes with seeds from `seed` on; `tick` is told the control periods of each part.
+    """Run all contenders over the episodes with seeds from `seed` on.
 
-    Those in `kept` are not run again; each of the others is added to it at its end.
+    `tick` is called with the control periods of each part. Contenders in `kept` are not run again; the others are added
+    to it when they are finished.
 
     Raises
     ------

@@ -37,7 +37,7 @@ class Summary(NamedTuple):
     winner, runner_up : str
         Controllers with the minimum and second minimum error, but for bounds.
     margin : Estimate
-        Error of the winner over that of the runner-up.
+        Ratio of the winner's error to the runner-up's.
     thresholds : Floats
         Thresholds of the profiles, m.
     profiles : dict
@@ -99,7 +99,7 @@ def baselines(names: Any) -> list[str]:
 
 
 def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeScores], seed: int) -> Summary:
-    """Estimate every metric of every controller, and ratios to the baselines; `seed` is that of the resampling."""
+    """Estimate every metric of every controller, and ratios to the baselines; `seed` is the seed of the resampling."""
     names = list(runs)
     episodes = next(iter(runs.values())).scores[HEADLINE]["whole"].shape[1]
     draws = Draws(episodes, seed)

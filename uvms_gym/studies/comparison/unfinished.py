@@ -4,7 +4,7 @@ import hashlib
 import json
 import shutil
 import zipfile
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,39 +75,29 @@ class Unfinished:
             shutil.rmtree(self._folder)
 
 
-class Scores(MutableMapping[str, EpisodeScores]):
+class Scores:
     """Scores by controller, each in a file."""
 
     def __init__(self, files: dict[str, Path]) -> None:
         self._files = files
 
-    def __getitem__(self, name: str) -> EpisodeScores:
+    def get(self, name: str) -> EpisodeScores | None:
+        """Scores of a finished controller; None of another."""
         try:
             with np.load(self._files[name], allow_pickle=False) as stored:
                 scores: dict[str, dict[str, Any]] = {}
-                for key in stored.files:
-                    if key != "seconds":
-                        metric, part = key.split("/")
-                        scores.setdefault(metric, {})[part] = stored[key]
+                for metric, part in (key.split("/") for key in stored.files if key != "seconds"):
+                    scores.setdefault(metric, {})[part] = stored[f"{metric}/{part}"]
                 return EpisodeScores(scores, float(stored["seconds"]))
         except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile):
-            raise KeyError(name) from None
+            return None
 
     def __setitem__(self, name: str, found: EpisodeScores) -> None:
         arrays: dict[str, Any] = {
-            f"{metric}/{part}": rows for metric, parts in found.scores.items() for part, rows in parts.items()
+            f"{m}/{part}": rows for m, parts in found.scores.items() for part, rows in parts.items()
         }
         with replacing(self._files[name]) as file:
             np.savez(file, seconds=found.seconds, **arrays)
-
-    def __delitem__(self, name: str) -> None:
-        self._files[name].unlink()
-
-    def __iter__(self) -> Iterator[str]:
-        return (name for name, file in self._files.items() if file.exists())
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
 
 
 def _settings(arguments: dict[str, Any], comparisons: Sequence[Comparison]) -> dict[str, Any]:
@@ -128,10 +118,10 @@ def _digest(value: Any) -> str:
 
 def _difference(stored: dict[str, Any], ours: dict[str, Any]) -> str:
     """Names of the different settings, with their values where these are short."""
-    told = []
+    found = []
     for key in dict.fromkeys([*ours, *stored]):
         old, new = stored.get(key), ours.get(key)
         if old != new:
             short = max(len(str(old)), len(str(new))) < 60
-            told.append(f"{key} is {old} there, {new} here" if short else f"{key} differs")
-    return ", ".join(told[:3]) + (f" and {len(told) - 3} more" if len(told) > 3 else "")
+            found.append(f"{key} is {old} there, {new} here" if short else f"{key} differs")
+    return ", ".join(found[:3]) + (f" and {len(found) - 3} more" if len(found) > 3 else "")

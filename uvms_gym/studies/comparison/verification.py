@@ -31,10 +31,10 @@ from uvms_gym.studies.comparison.summary import KEPT, summarise
 
 #: Relative tolerance of stored numbers, which other machines reproduce; numbers below ABSOLUTE are 0.
 TOLERANCE, ABSOLUTE = 1e-4, 1e-9
-#: Most episodes of a run: a typing error must not exhaust the memory.
-MOST_EPISODES = 100_000
+#: Maximum number of episodes of a run: a typing error must not exhaust the memory.
+MAX_EPISODES = 100_000
 #: Maximum speed of the current, m/s.
-MOST_CURRENT = 10.0
+MAX_CURRENT = 10.0
 #: Arguments of environments that have entries of their own, and the reward, which scores do not depend on.
 _LISTED = {"envs", "scenes", "levels", "departures", "scene", "disturbance", "task", "reward", *STORED}
 #: Statistics over all episodes.
@@ -49,12 +49,12 @@ class Form(NamedTuple):
     holds: Callable[[Any], bool]
 
 
-def _integer(minimum: int, most: int) -> Form:
-    return Form(f"an integer from {minimum} to {most}", lambda x: type(x) is int and minimum <= x <= most)
+def _integer(minimum: int, maximum: int) -> Form:
+    return Form(f"an integer from {minimum} to {maximum}", lambda x: type(x) is int and minimum <= x <= maximum)
 
 
-def _number(most: float) -> Form:
-    return Form(f"a number from 0 to {most:g}", lambda x: type(x) in (int, float) and 0 <= x <= most)
+def _number(maximum: float) -> Form:
+    return Form(f"a number from 0 to {maximum:g}", lambda x: type(x) in (int, float) and 0 <= x <= maximum)
 
 
 def _names(minimum: int) -> Form:
@@ -99,14 +99,14 @@ ARGUMENTS: Mapping[str, Form] = {
     "env": _names(1),
     "scene": _names(1),
     "controllers": Form("null or a list of at least 1 name", lambda x: x is None or _names(1).holds(x)),
-    "episodes": _integer(2, MOST_EPISODES),
+    "episodes": _integer(2, MAX_EPISODES),
     "seed": _integer(0, 2**64 - 1),
     "condition": _names(1),
     "disturbance": _names(0),
     "action": Form("wrench or thrusters", lambda x: x in ("wrench", "thrusters")),
 }
 OPTIONAL: Mapping[str, Form] = {
-    "max_current": _number(MOST_CURRENT),
+    "max_current": _number(MAX_CURRENT),
     "env_kwargs": Form("an object of further arguments", lambda x: isinstance(x, dict) and not _LISTED & x.keys()),
 }
 
@@ -216,9 +216,9 @@ def _comparison(
     named = [name for name in named if suits(name, condition)]
     if not run_code and (code := [name for name in named if name.startswith(CODE_PREFIX)]):
         raise ValueError(f"{code[0]} is Python code; read it, then run it with --run-code")
-    there, absent = {}, {}
+    there, absent, files = {}, {}, registry.policies(**condition.designed)
     for name in (name for name in named if is_learned(name) and not name.startswith(MLP_PREFIX)):
-        seeds, ours = _seeds(stored, name), registry.seeds(name, **condition.designed)
+        seeds, ours = _seeds(stored, name), files.get(name, {})
         there[name] = tuple(seed for seed in seeds if seed in ours)
         if others := tuple(seed for seed in seeds if seed not in ours):
             absent[name] = others
