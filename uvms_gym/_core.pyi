@@ -398,6 +398,15 @@ class Renderer:
     """Height of the floor, m."""
     cell: Final[float]
     """Width of the cells of the floor's grid, m."""
+    bounding_box: Final[_Floats]
+    """(2, 3) centre and edges, m, of the box about the vehicle's body, in the vehicle frame."""
+    def meshes(
+        self,
+    ) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]]:
+        """Meshes of `vehicle`, `link 1`, ... in the frames of `Simulator.body_poses`, and `dock` in the vehicle frame.
+
+        Vertices, m, normals and colours, 0 to 1, (n, 3), and triangles (m, 3); joints at home.
+        """
     def draw(
         self,
         position: ArrayLike,

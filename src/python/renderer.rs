@@ -7,14 +7,14 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 
-use super::arrays::{Array, Given, array, count, read, rows, wrong_shape};
+use super::arrays::{Array, Given, array, count, matrix, read, rows, wrong_shape};
 use super::computation::detached;
 use super::errors::OrRaise;
 use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
 use uvms_gym::description::Scene;
-use uvms_gym::render::{self, RenderState, Settings};
+use uvms_gym::render::{self, RenderState, Settings, hull::hull, mesh::Vertex, paint::display};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
@@ -118,6 +118,36 @@ impl Renderer {
     #[getter]
     fn cell(&self) -> f64 {
         self.inner.cell()
+    }
+
+    /// numpy.ndarray (2, 3): centre and edges, m, of the box about the vehicle's body, in the vehicle frame.
+    #[getter]
+    fn bounding_box<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let (envelope, ..) = hull(&self.scene);
+        let size = envelope.half * 2.0;
+        array(py, &[2, 3], envelope.middle.iter().chain(&size).copied().map(f64::from).collect())
+    }
+
+    /// Triangle meshes of the moving bodies and of a dock, as `draw` draws them with joints at home.
+    ///
+    /// Returns
+    /// -------
+    /// dict of str to tuple
+    ///     `vehicle` with its thrusters, `link 1` and so on, each in its body's frame (see `Simulator.body_poses`), and
+    ///     `dock` in the frame of the docked vehicle. Each is a tuple of arrays: vertices, m, normals and colours, red, green,
+    ///     blue, 0 to 1, (n, 3) each, float32, and triangles, (m, 3), uint32: numbers of vertices, counterclockwise as seen from outside.
+    fn meshes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let meshes = PyDict::new(py);
+        for (name, mesh) in render::bodies(&self.scene) {
+            let rows = |row: fn(&Vertex) -> [f32; 3]| {
+                matrix(py, mesh.vertices.iter().flat_map(row).collect(), mesh.vertices.len())
+            };
+            let (vertices, normals) = (rows(|v| v.position.into())?, rows(|v| v.normal.into())?);
+            let colours = rows(|v| v.paint.colour.map(display))?;
+            let triangles = matrix(py, mesh.triangles.concat(), mesh.triangles.len())?;
+            meshes.set_item(name, (vertices, normals, colours, triangles))?;
+        }
+        Ok(meshes)
     }
 
     /// Draw the scene in a state.

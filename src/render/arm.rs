@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Vector;
 use super::hull::single;
-use super::mesh::{Mesh, across};
+use super::mesh::{Mesh, Vertex, across};
 use super::paint::Paint;
 use crate::description::{Body, JointKind, Scene, Water};
 use crate::system::{EndEffector, JOINTS, Joints};
@@ -62,8 +62,9 @@ impl ArmModel {
         (self.links.iter().map(|link| single(&link.pose(q).1)).collect(), (rotation, single(&tip)))
     }
 
-    /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's.
-    pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) {
+    /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's: the foot at the mount, then the links. Returns
+    /// the number of the first vertex of each link.
+    pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) -> Vec<usize> {
         let mut joints = [0.0; JOINTS];
         joints.iter_mut().zip(q).for_each(|(joint, q)| *joint = *q);
         let (points, (attitude, tip)) = self.points(&joints);
@@ -71,7 +72,9 @@ impl ArmModel {
         // A foot at the mount.
         let base = points.first().copied().unwrap_or(tip);
         mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
+        let mut starts = Vec::with_capacity(points.len());
         for (i, from) in points.iter().enumerate() {
+            starts.push(mesh.vertices.len());
             let r = self.radii[i];
             let (rotation, _) = self.links[i].pose(&joints);
             let (axis, slides) = self.axes[i];
@@ -98,6 +101,31 @@ impl ArmModel {
             let ahead = points.last().map_or(-Vector::z(), |p| (tip - p).try_normalize(1e-6).unwrap_or(-Vector::z()));
             mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| PAYLOAD);
         }
+        starts
+    }
+
+    /// The foot in the vehicle frame, then each link in its frame, with the distances between joints at `q`.
+    pub fn bodies(&self, q: &Joints) -> Vec<Mesh> {
+        let mut arm = Mesh::default();
+        let mut bounds = vec![0];
+        bounds.extend(self.draw(&mut arm, q, 0.0));
+        bounds.push(arm.vertices.len());
+        let vehicle = (Matrix3::identity(), Vector3::zeros());
+        let frames = std::iter::once(vehicle).chain(self.links.iter().map(|link| link.pose(q)));
+        frames
+            .zip(bounds.windows(2))
+            .map(|((rotation, position), range)| {
+                let (back, origin) = (rotation.transpose().map(|x| x as f32), single(&position));
+                let local =
+                    |v: &Vertex| Vertex { position: back * (v.position - origin), normal: back * v.normal, ..*v };
+                let (first, end) = (range[0] as u32, range[1] as u32);
+                let triangles = arm.triangles.iter().filter(|t| (first..end).contains(&t[0]));
+                Mesh {
+                    vertices: arm.vertices[range[0]..range[1]].iter().map(local).collect(),
+                    triangles: triangles.map(|t| t.map(|k| k - first)).collect(),
+                }
+            })
+            .collect()
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod arm;
 mod backdrop;
+mod bodies;
 pub mod camera;
 pub mod dock;
 pub mod hull;
@@ -14,6 +15,7 @@ pub mod paint;
 pub mod raster;
 mod renderer;
 mod shadow;
+pub use bodies::bodies;
 pub use renderer::{RenderState, Renderer, Settings};
 
 /// Vector in single precision, relative to the focus of the camera.

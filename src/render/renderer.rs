@@ -322,7 +322,7 @@ impl Renderer {
             if let Some(arm) = &self.arm {
                 let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
                 if q.iter().all(|q| q.abs() < FAR) {
-                    solid.add(&place, |mesh| arm.draw(mesh, q, state.payload));
+                    solid.add(&place, |mesh| drop(arm.draw(mesh, q, state.payload)));
                 }
             }
             clear.add(place, |jets| {

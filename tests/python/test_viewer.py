@@ -1,6 +1,5 @@
 """Browser view of episodes: `uvms play --web`."""
 
-import io
 import socket
 import threading
 import time
@@ -174,14 +173,26 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 @pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy", "remus-100"])
 def test_a_dock_leaves_room_for_the_vehicle(scene: str) -> None:
-    trimesh = pytest.importorskip("trimesh")
-    from uvms_gym.viewer.shapes import dock_glb, vehicle_size
-
-    description = uvms_gym.load_scene(scene)
-    centre, size = vehicle_size(description)
-    made = trimesh.load(io.BytesIO(dock_glb(description)), file_type="glb").to_geometry()
-    away = np.abs(made.vertices - centre) / (0.5 * size)
+    renderer = uvms_gym.Renderer(scene)
+    (centre, size), (vertices, *_) = renderer.bounding_box, renderer.meshes()["dock"]
+    away = (vertices - centre) / (0.5 * size)
     # Outside of the vehicle's box, and on all sides but below.
-    assert (away.max(axis=1) > 1.0).all()
-    assert (made.bounds[0][:2] < (centre - 0.5 * size)[:2]).all()
-    assert (made.bounds[1] > centre + 0.5 * size).all()
+    assert (np.abs(away).max(axis=1) > 1.0).all()
+    assert (away.min(axis=0)[:2] < -1.0).all()
+    assert (away.max(axis=0) > 1.0).all()
+
+
+def test_the_mesh_of_the_last_link_ends_at_the_end_effector() -> None:
+    simulator = uvms_gym.Simulator("petasus-pum")
+    simulator.set_state(q=simulator.q + 0.3)
+    names = [f"link {k + 1}" for k in range(simulator.q.shape[1])]
+    meshes = uvms_gym.Renderer("petasus-pum").meshes()
+    assert list(meshes) == ["vehicle", *names, "dock"]
+    vertices, normals, colours, triangles = meshes[names[-1]]
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    assert triangles.max() == len(vertices) - 1
+    # The ball at the end effector has its own colour.
+    ball = vertices[np.isclose(colours, np.array((255, 47, 208)) / 255.0).all(axis=1)]
+    pose = simulator.body_poses()[0, -1]
+    centre = pose[:3, :3] @ (0.5 * (ball.min(axis=0) + ball.max(axis=0))) + pose[:3, 3]
+    assert np.allclose(centre, simulator.end_effector_pose()[0, :3, 3], atol=1e-3)

@@ -1,8 +1,10 @@
 """3-D scene of the page: vehicle, arm, thrust, current, reference and target."""
 
+import math
 from typing import Any
 
 import numpy as np
+import trimesh
 import viser
 import viser.transforms
 from numpy.typing import NDArray
@@ -10,7 +12,6 @@ from numpy.typing import NDArray
 from uvms_gym import Renderer, Simulator
 from uvms_gym.envs.rendering import Shot, between
 from uvms_gym.viewer.episode import Target
-from uvms_gym.viewer.shapes import dock_glb, link_glbs, payload_radius, vehicle_glb, vehicle_size
 
 Floats = NDArray[np.float64]
 
@@ -30,15 +31,13 @@ class World:
     def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target, dock: bool = False) -> None:
         scene, api = simulator.scene, server.scene
         renderer = Renderer(scene)
-        centre, size = vehicle_size(scene)
+        (centre, size), meshes = renderer.bounding_box, renderer.meshes()
+        aim = meshes.pop("dock")
         reach = float(np.max(size))
         self._limits = np.maximum(np.abs(simulator.thruster_limits).max(axis=1), 1e-9)
         thrusters = scene["vehicle"].get("thrusters", ())
         self._places = np.array([t["position"] for t in thrusters]).reshape(-1, 3)
         self._jets = np.array([t["axis"] for t in thrusters]).reshape(-1, 3) * (-0.6 * reach)
-        # Home, for the constant parts of the links' poses.
-        home = Simulator(scene, threads=1)
-        files = [vehicle_glb(scene), *link_glbs(scene, home.body_poses()[0], home.end_effector_pose()[0])]
 
         self._world, self.follow = api.add_frame("/world", show_axes=False), False
         api.set_background_image(_gradient())
@@ -57,7 +56,7 @@ class World:
             fade_distance=3.0 * renderer.distance,
             position=(0.0, 0.0, renderer.floor),
         )
-        self._bodies = [api.add_glb(f"/world/bodies/{k}", file) for k, file in enumerate(files)]
+        self._bodies = [api.add_glb(f"/world/bodies/{k}", _glb(*mesh)) for k, mesh in enumerate(meshes.values())]
         self._thrust = api.add_line_segments(
             "/world/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
         )
@@ -73,7 +72,7 @@ class World:
         )
         self._above, self._arrow = np.array([0.0, 0.0, 0.5 * size[2] + 0.3 * reach]), _CURRENT_SCALE * reach
         self._aim: Any = (
-            api.add_glb("/world/aim", dock_glb(scene))
+            api.add_glb("/world/aim", _glb(*aim))
             if dock
             else api.add_line_segments("/world/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
         )
@@ -110,7 +109,8 @@ class World:
         self._show_aim(now["aim"], now["path"])
         if (visible := now["payload"] > 0.0) != self._payload.visible:
             self._payload.visible = visible
-        if visible and self._payload.scale != (radius := payload_radius(now["payload"])):
+        # Ball of 2500 kg/m3.
+        if visible and self._payload.scale != (radius := math.cbrt(now["payload"] / 2500.0 * 0.75 / math.pi)):
             self._payload.scale = radius
 
     def place_camera(self, camera: viser.InitialCameraConfig | viser.CameraHandle, width: int = 1280) -> None:
@@ -139,6 +139,16 @@ class World:
         if tracks and not np.array_equal(path, self._drawn_path):
             self._drawn_path = path
             self._path.points = np.stack([path[:-1], path[1:]], axis=1).astype(np.float32)
+
+
+def _glb(vertices: NDArray[Any], normals: NDArray[Any], colours: NDArray[Any], triangles: NDArray[np.uint32]) -> bytes:
+    """GLB file of a mesh of `Renderer.meshes`."""
+    mesh = trimesh.Trimesh(vertices, triangles, vertex_normals=normals, process=False)
+    # Without a material, GLB means metal. Colours of vertices are linear, as the squares that `draw` shades.
+    material = trimesh.visual.material.PBRMaterial(metallicFactor=0.1, roughnessFactor=0.6)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    mesh.visual.vertex_attributes["color"] = np.round(255.0 * np.insert(colours**2, 3, 1.0, axis=1))
+    return bytes(mesh.export(file_type="glb"))
 
 
 def _quaternions(poses: Floats) -> Floats:
