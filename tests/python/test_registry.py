@@ -132,6 +132,8 @@ def test_a_controller_is_a_family_and_a_setting() -> None:
     [
         ("dob/clam", "dob has no setting 'clam'; did you mean calm? its settings: plain, still, calm, medium, quick"),
         ("pd/x", "pd has no setting 'x'; its settings: default"),
+        ("dob/", "dob has no setting ''; its settings: plain, still"),
+        ("py:own.py:Own", "'py:own.py:Own' names Python code, which only commands and comparisons run"),
         ("dob-calm", "unknown controller 'dob-calm'; close to it: dob/calm, "),
         ("mcp", "unknown controller 'mcp'; close to it: mpc"),
         (
@@ -142,6 +144,14 @@ def test_a_controller_is_a_family_and_a_setting() -> None:
 )
 def test_an_unknown_setting_is_told_the_close_ones(name: str, line: str) -> None:
     assert message(name).startswith(line)
+
+
+@pytest.mark.parametrize("name", ["dob/calm", "mlp:policy.safetensors"])
+def test_a_name_that_is_complete_allows_no_further_setting(name: str) -> None:
+    with pytest.raises(ValueError, match=f"controller '{name}' allows no further setting, but setting is 'calm'"):
+        make_controller(name, "calm", **OPTIONS)
+    with pytest.raises(TypeError, match="name must be a string, not int"):
+        make_controller(5)  # type: ignore[arg-type]
 
 
 def test_a_folder_of_policies_is_searched_for_a_while(shipped: Path, tmp_path: Path, capsys: Any) -> None:

@@ -335,16 +335,18 @@ def canonical(name: str, setting: str | None = None, task: str | None = None) ->
     ValueError
         An unknown family or setting, or a controller of another task; the message has the close matches.
     """
-    if is_file(name) and setting is None:
+    if setting is not None and (is_file(name) or "/" in name):
+        raise ValueError(f"controller {name!r} allows no further setting, but setting is {setting!r}")
+    if is_file(name):
         return name
     given = name if setting is None else f"{name}/{setting}"
-    key, _, variant = given.partition("/")
+    key, slash, variant = given.partition("/")
     if (family := FAMILIES.get(key)) is None:
         close = difflib.get_close_matches(given.replace("-", "/"), CONTROLLERS, 3, 0.7)
         close += [one for one in difflib.get_close_matches(given, CONTROLLERS, 3) if one not in close]
         hint = f"close to it: {', '.join(close[:4])}" if close else f"known: {', '.join(_families(task))}"
         raise ValueError(f"unknown controller {given!r}; {hint}; `uvms controllers` lists all")
-    if variant and variant not in family.settings:
+    if slash and variant not in family.settings:
         close = difflib.get_close_matches(variant, family.settings, 1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise ValueError(f"{key} has no setting {variant!r}; {hint}its settings: {', '.join(family.settings)}")

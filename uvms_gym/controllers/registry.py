@@ -19,7 +19,16 @@ import gymnasium
 from uvms_gym import _core
 from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.controllers.families import CONTROLLERS, MLP_PREFIX, TASKS, ControllerEntry, canonical, is_learned, names
+from uvms_gym.controllers.families import (
+    CODE_PREFIX,
+    CONTROLLERS,
+    MLP_PREFIX,
+    TASKS,
+    ControllerEntry,
+    canonical,
+    is_learned,
+    names,
+)
 from uvms_gym.controllers.mlp import MLP, Residual
 
 #: Folder of the package's policies, tuned gains and stored results.
@@ -99,12 +108,16 @@ def make_controller(
         An unknown name for this task, a policy of another environment, or a broken file. `Unavailable` where there is
         no such policy; the message names those that are there.
     TypeError
-        `env` is something else, or options are given besides.
+        `name` or `env` is something else, or options are given besides.
     OSError
         A file cannot be read.
     """
     if gains not in ("tuned", "scene"):
         raise ValueError(f"gains is {gains!r}, but must be 'tuned' or 'scene'")
+    if not isinstance(name, str):
+        raise TypeError(f"name must be a string, not {type(name).__name__}")
+    if name.startswith(CODE_PREFIX):
+        raise ValueError(f"{name!r} names Python code, which only commands and comparisons run: import it instead")
     if env is None and not isinstance(setting, str):
         setting, env = None, setting
     # Some controllers need the sensors' delay, which belongs to the disturbance.
