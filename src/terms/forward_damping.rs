@@ -51,7 +51,7 @@ impl TermTable for ForwardDamping {
         if minimum < -ROUNDING * symmetric.amax() {
             return vec![(
                 key,
-                format!("adds energy ahead in some motions: least eigenvalue {minimum:.4} of its symmetric part"),
+                format!("adds energy ahead in some motions: minimum eigenvalue {minimum:.4} of its symmetric part"),
             )];
         }
         Vec::new()

@@ -24,7 +24,7 @@ use crate::lane::Rows;
 /// Gradients through the kernels of a task. Numbers are by frames, (k, .).
 ///
 /// # Errors
-/// Of all products: `ControlError::Shape` for arrays of other lengths; `SimulatorError::DerivativeLanes`.
+/// All products return `ControlError::Shape` for arrays of other lengths, and `SimulatorError::DerivativeLanes`.
 pub trait TaskGradient {
     /// Numbers of coordinates.
     fn widths(&self) -> GradientWidths;

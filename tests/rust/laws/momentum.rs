@@ -36,7 +36,7 @@ fn floating(water: bool) -> (Scene, State) {
     (scene, state)
 }
 
-/// What a run leaves: maximum drifts of linear and angular momentum by the sum over bodies of |momentum| at that time,
+/// Maximum drifts in a run of linear and angular momentum by the sum over bodies of |momentum| at that time,
 /// and by that at the start; maximum joint rate.
 struct Run {
     drift: [f64; 2],
