@@ -9,10 +9,12 @@ mod fin;
 mod forward_damping;
 mod tether;
 
+use std::marker::PhantomData;
+
 use nalgebra as na;
 
 use crate::keys::Fault;
-use crate::lane::{Dual, Lane, Param, numbers};
+use crate::lane::{Dual, Lane, Param, Routine, numbers};
 use crate::lie::{Vector3, Vector6};
 pub use factors::{FACTORS, Factors};
 pub use fin::{FINS, FinAxes, FinTerm};
@@ -141,35 +143,18 @@ pub trait Term<P: Copy> {
     where
         P: Param<L>;
 
-    /// Adds the cotangents of the instant from the wrench's: here by dual numbers, one evaluation for each number of twist and
-    /// gravity.
+    /// Adds the cotangents of the instant from the wrench's: here by dual numbers.
     #[inline(always)]
     fn add_cotangents<L: Lane>(&self, index: usize, at: &TermInstant<L>, of: Vector6<L>, sums: &mut TermCotangents<L>)
     where
+        Self: Sized,
         P: Param<L> + Param<Dual<L>>,
     {
-        let ([u, v, w, p, q, r], [x, y, z], fins) = (at.twist.to_array(), at.gravity.0, &FinAxes::blank());
-        let values = [u, v, w, p, q, r, x, y, z];
-        let (of, mut slopes) = (of.to_array(), [L::zero(); 9]);
-        let mut numbers = [Dual::new(L::zero(), L::zero()); 9];
-        for k in 0..9 {
-            numbers[k].value = values[k];
-        }
-        for k in 0..9 {
-            numbers[k].slope = L::c(1.0);
-            let [u, v, w, p, q, r, x, y, z] = numbers;
-            let (twist, gravity) = (Vector6::from_array([u, v, w, p, q, r]), Vector3([x, y, z]));
-            let mut wrench = Vector6::zero();
-            self.add_wrench(index, &TermInstant { twist, gravity, fins }, &mut wrench);
-            numbers[k].slope = L::zero();
-            let wrench = wrench.to_array();
-            for i in 0..6 {
-                slopes[k] = of[i].mul_add(wrench[i].slope, slopes[k]);
-            }
-        }
-        let [u, v, w, p, q, r, x, y, z] = slopes;
-        sums.twist = sums.twist + Vector6::from_array([u, v, w, p, q, r]);
-        sums.gravity = sums.gravity + Vector3([x, y, z]);
+        let (twist, gravity, parameters) = (Vector6::zero(), Vector3::zero(), PhantomData);
+        let mut adjoint = DualAdjoint { term: self, index, at, of, twist, gravity, parameters };
+        L::call(&mut adjoint);
+        sums.twist = sums.twist + adjoint.twist;
+        sums.gravity = sums.gravity + adjoint.gravity;
     }
 
     /// Sets the numbers that factors scale.
@@ -182,6 +167,45 @@ pub trait Term<P: Copy> {
     where
         P: Param<L>,
     {
+    }
+}
+
+/// Adjoint of a term by dual numbers, one evaluation for each number of twist and gravity; a routine of its own, so that hot
+/// terms beside it keep their registers.
+struct DualAdjoint<'a, P, L, T> {
+    term: &'a T,
+    index: usize,
+    at: &'a TermInstant<'a, L>,
+    of: Vector6<L>,
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+    parameters: PhantomData<P>,
+}
+
+impl<P: Param<L> + Param<Dual<L>>, L: Lane, T: Term<P>> Routine<L> for DualAdjoint<'_, P, L, T> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let ([u, v, w, p, q, r], [x, y, z], fins) = (self.at.twist.to_array(), self.at.gravity.0, &FinAxes::blank());
+        let values = [u, v, w, p, q, r, x, y, z];
+        let (of, mut slopes) = (self.of.to_array(), [L::zero(); 9]);
+        let mut numbers = [Dual::new(L::zero(), L::zero()); 9];
+        for k in 0..9 {
+            numbers[k].value = values[k];
+        }
+        for k in 0..9 {
+            numbers[k].slope = L::c(1.0);
+            let [u, v, w, p, q, r, x, y, z] = numbers;
+            let (twist, gravity) = (Vector6::from_array([u, v, w, p, q, r]), Vector3([x, y, z]));
+            let mut wrench = Vector6::zero();
+            self.term.add_wrench(self.index, &TermInstant { twist, gravity, fins }, &mut wrench);
+            numbers[k].slope = L::zero();
+            let wrench = wrench.to_array();
+            for i in 0..6 {
+                slopes[k] = of[i].mul_add(wrench[i].slope, slopes[k]);
+            }
+        }
+        let [u, v, w, p, q, r, x, y, z] = slopes;
+        (self.twist, self.gravity) = (Vector6::from_array([u, v, w, p, q, r]), Vector3([x, y, z]));
     }
 }
 

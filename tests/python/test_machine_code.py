@@ -80,7 +80,7 @@ OF_ADJOINT = {
     r"11ScratchPool.*(take|put)|7adjoint(11make_memory|9instances)|drop_in_place.*3Vec": "memory of the reverse",
     r"10StepRecord.*4trim": "the same, after the last instance",
     r"7adjoint.*8Portions4next|7reverse11interrupted": "room for the records of many steps, and whether to go on",
-    r"27equations_of_motion_adjoint|17NeverShortCircuit": "parts that several reverses share",
+    r"17NeverShortCircuit": "parts that several reverses share",
     r"21detect_and_initialize": "the instruction set of a routine in scalar lanes",
 }
 # What kernels that run once in a control period, or seldom, may call besides.

@@ -136,6 +136,13 @@ impl<L: Lane, const IMPLICIT: bool> Routine<L> for StageAdjoint<'_, '_, '_, L, I
     }
 }
 
+/// A vector in axes of the vehicle, which has moved from `start` by `theta`. No closure: it would not have the features of the
+/// kernel's instruction set.
+#[inline(always)]
+fn to_body<L: Lane>(start: &Pose<L>, theta: Vector6<L>, vector: Vector3<L>) -> Vector3<L> {
+    rotate_back(theta.angular, start.rotation.apply_transposed(vector))
+}
+
 impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
     #[inline(always)]
     fn joints(&self) -> usize {
@@ -154,7 +161,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let system = self.equations.system;
         let StageState { start, theta, twist, q, qd } = *at;
         let elapsed = if let Some(h) = size { begin + h } else { begin };
-        let gravity = rotate_back(theta.angular, start.rotation.apply_transposed(self.equations.gravity));
+        let gravity = to_body(start, theta, self.equations.gravity);
         let time = self.equations.time + elapsed;
         let (none, fixed_rate) = (Vector6::zero(), Vector3::zero());
         let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time };
@@ -172,9 +179,8 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let mut turn = of_instant.gravity.cross(gravity);
         of_stage.twist = of_instant.twist;
         of_stage.pose.position = None;
-        let to_body = |x: Vector3<L>| rotate_back(theta.angular, start.rotation.apply_transposed(x));
         if system.fixed {
-            let fixed_rate = -to_body(equations.acceleration);
+            let fixed_rate = -to_body(start, theta, equations.acceleration);
             turn = turn + of_instant.fixed_rate.cross(fixed_rate);
         }
         if let Some((_, rate)) = &equations.thrust {
@@ -197,7 +203,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             of_stage.pose.position = Some(place.position);
         }
         if system.terms.any() {
-            let gravity = gravity + to_body(equations.acceleration);
+            let gravity = gravity + to_body(start, theta, equations.acceleration);
             let at = TermInstant { twist, gravity, fins: equations.surfaces };
             let (twist, none) = (Vector6::zero(), Vector3::zero());
             let mut sums = TermCotangents { twist, gravity: none, fins: &mut of.surfaces };
