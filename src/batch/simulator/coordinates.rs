@@ -161,6 +161,7 @@ impl Coordinates<'_> {
     }
 
     /// Adds the slopes of a coordinate of an argument, times a weight.
+    #[inline(always)]
     pub(super) fn add(
         &self,
         i: usize,
@@ -234,6 +235,7 @@ impl Coordinates<'_> {
     }
 
     /// Adds the slope of an ideal thrust to the wrench.
+    #[inline(always)]
     fn add_thrust(&self, i: usize, k: usize, weight: f64, row: usize, to: &mut impl FnMut(usize, f64)) {
         let wrench = self.inputs.allocation_of(i).column(k);
         for axis in 0..6 {
@@ -243,6 +245,7 @@ impl Coordinates<'_> {
 }
 
 /// Adds the slopes of coordinate `k` of `T exp(xi)` to a pose, whose rotation is by rows.
+#[inline(always)]
 fn add_pose(
     rotation: usize,
     position: usize,
