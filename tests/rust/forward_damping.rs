@@ -1,10 +1,12 @@
 //! Laws of damping by forward speed.
 
 use nalgebra::{Matrix6, Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
+use uvms_gym::batch::Inputs;
 use uvms_gym::description::{ForwardDamping, Scene};
+use uvms_gym::dynamics::dense::{angular, linear, stack};
 use uvms_gym::system::{Factors, State};
 
+use crate::cases::{self, drift, orders, simulator_at, wrench_of};
 use crate::random_scene::Random;
 
 /// Derivatives of the ECA A9 (uuvsimulator/eca_a9, `linear_damping_forward_speed`): X_uu, Y_uv, Y_ur, Z_uw, Z_uq, K_up, M_uw, M_uq,
@@ -24,32 +26,20 @@ pub fn eca_a9() -> ForwardDamping {
 
 /// A neutral body of 10 kg and 1 kg m2 with this damping.
 fn body(damping: ForwardDamping) -> Scene {
-    let text = "name = 'torpedo'\nwater = { density = 1000.0, gravity = [0.0, 0.0, 0.0] }\n[vehicle]\nname = 'torpedo'\n\
-         body = { mass = 10.0, inertia = [1.0, 1.0, 1.0], volume = 0.01 }\n";
-    let mut scene = Scene::from_toml_str(text, "torpedo").unwrap();
+    let mut scene = cases::body(|body| body.volume = Some(0.01));
     scene.vehicle.forward_damping = Some(damping);
     scene.check().unwrap();
     scene
 }
 
-fn alone(scene: &Scene, dt: f64, integrator: &str) -> Simulator {
-    let options = SimulatorOptions { dt, integrator: integrator.into(), ..SimulatorOptions::default() };
-    Simulator::new(scene.clone(), options).unwrap()
-}
-
 /// Wrench at a twist through still water, by kernel and by twin, from the accelerations.
 fn wrenches(scene: &Scene, twist: Vector6<f64>, factor: f64) -> [Vector6<f64>; 2] {
-    let mut simulator = alone(scene, 0.01, "mk4");
+    let mut simulator = simulator_at(scene, "mk4", 0.01, &State { twist, ..State::default() });
     simulator.set_factors(&[Factors { linear_damping: factor, ..Factors::ONE }]).unwrap();
-    simulator.set_state(0, &State { twist, ..State::default() });
-    let kernel = Vector6::from_row_slice(&simulator.forward_dynamics(&Inputs::default()).unwrap()[..6]);
+    let kernel = simulator.forward_dynamics(&Inputs::default()).unwrap();
     let loads = simulator.applied_loads(&Inputs::default()).unwrap();
     let twin = simulator.closed_form(0, |form| form.accelerations(&loads[0].loads()).unwrap());
-    let (v, w) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
-    [kernel, Vector6::from_column_slice(twin.as_slice())].map(|rates| {
-        let force = (rates.fixed_rows::<3>(0) + w.cross(&v)) * 10.0;
-        Vector6::new(force.x, force.y, force.z, rates[3], rates[4], rates[5])
-    })
+    [&kernel[..], twin.as_slice()].map(|rates| wrench_of(rates, &twist))
 }
 
 /// X = X_uu u u, Y = Y_uv u v + Y_ur u r, Z = Z_uw u w + Z_uq u q, K = K_up u p, M = M_uw u w + M_uq u q, N = N_uv u v + N_ur u r.
@@ -67,19 +57,17 @@ fn val_eca_a9_has_its_published_wrench() {
             37.0 * w - 20.0 * q,
             -34.0 * v - 32.0 * r,
         );
-        for got in wrenches(&body(eca_a9()), twist, 1.0) {
-            assert!((got - published).norm() < 1e-11 * (1.0 + published.norm()), "{got} {published}");
-        }
-        for got in wrenches(&body(eca_a9()), twist, 0.7) {
-            assert!((got - published * 0.7).norm() < 1e-11 * (1.0 + published.norm()), "the factor on linear damping");
+        for factor in [1.0, 0.7] {
+            for got in wrenches(&body(eca_a9()), twist, factor) {
+                let miss = (got - published * factor).norm();
+                assert!(miss < 1e-11 * (1.0 + published.norm()), "factor {factor}: {got} {published}");
+            }
         }
         // About another point: the velocity there, and the moment of the force there.
         let position = random.vector(0.5);
-        let there = twist.fixed_rows::<3>(0) + twist.fixed_rows::<3>(3).cross(&position);
-        let there = Vector6::new(there.x, there.y, there.z, p, q, r);
+        let there = stack(&(linear(&twist) + angular(&twist).cross(&position)), &angular(&twist));
         let wrench = -(eca_a9().matrix * there) * there.x;
-        let moment = wrench.fixed_rows::<3>(3) + position.cross(&wrench.fixed_rows::<3>(0));
-        let moved = Vector6::new(wrench[0], wrench[1], wrench[2], moment.x, moment.y, moment.z);
+        let moved = stack(&linear(&wrench), &(angular(&wrench) + position.cross(&linear(&wrench))));
         for got in wrenches(&body(ForwardDamping { position, ..eca_a9() }), twist, 1.0) {
             assert!((got - moved).norm() < 1e-11 * (1.0 + moved.norm()), "{position}: {got} {moved}");
         }
@@ -96,16 +84,12 @@ fn sway_decays_exponentially_ahead_with_the_order_of_the_integrator() {
     let exact = v * (-16.2_f64 * u * t / 10.0).exp();
     for (integrator, order) in [("mk4", 4.0), ("ros2", 2.0)] {
         let errors = [16, 32, 64].map(|steps: usize| {
-            let mut simulator = alone(&scene, t / steps as f64, integrator);
-            simulator.set_state(0, &State { twist: Vector6::new(u, v, 0.0, 0.0, 0.0, 0.0), ..State::default() });
-            simulator.step(&Inputs::default(), steps).unwrap();
-            let twist = simulator.state(0).twist;
+            let start = State { twist: Vector6::new(u, v, 0.0, 0.0, 0.0, 0.0), ..State::default() };
+            let twist = drift(&scene, integrator, t / steps as f64, &start, steps).twist;
             assert!((twist[0] - u).abs() < 1e-14);
             (twist[1] - exact).abs()
         });
-        for pair in errors.windows(2) {
-            assert!(((pair[0] / pair[1]).log2() - order).abs() < 0.3, "{integrator}: {errors:?}");
-        }
+        assert!(orders(&errors).iter().all(|x| (x - order).abs() < 0.3), "{integrator}: {errors:?}");
     }
 }
 
@@ -118,8 +102,7 @@ fn it_takes_power_ahead_alone() {
         let mut twist = Vector6::from_fn(|_, _| random.between(-1.0, 1.0));
         twist[0] = twist[0].abs();
         let form = |twist: Vector6<f64>| {
-            let mut simulator = alone(&scene, 0.01, "mk4");
-            simulator.set_state(0, &State { twist, ..State::default() });
+            let simulator = simulator_at(&scene, "mk4", 0.01, &State { twist, ..State::default() });
             let loads = simulator.applied_loads(&Inputs::default()).unwrap();
             simulator.closed_form(0, |form| {
                 (form.power(&loads[0].loads()).unwrap(), form.fossen_form(None).unwrap().damping, twist)

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Vector3, Vector6};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
+use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::system::{JOINTS, Joints, State, rotation_vector};
+
+use crate::cases::{run, simulator_at};
 
 /// Bound on errors, relative to the maximum component.
 const TOLERANCE: f64 = 1e-10;
@@ -29,8 +31,7 @@ fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
 fn articulated_bodies(scene: &Scene, case: &Case) -> DVector<f64> {
     let mut scene = scene.clone();
     scene.water.current = case.current.into();
-    let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
-    simulator.set_state(0, &case.at.state());
+    let mut simulator = simulator_at(&scene, "mk4", 0.01, &case.at.state());
     let external: Vec<f64> = case.external_with_wrench().iter().flatten().copied().collect();
     let inputs = Inputs { joint_torque: Some(&case.joint_torque), external: Some(&external), ..Inputs::default() };
     simulator.forward_dynamics(&inputs).unwrap().into()
@@ -165,33 +166,22 @@ fn assert_close<'a>(
     error / scale
 }
 
-fn check_accelerations(file: &str) {
-    for (scene, SceneCases { scene: name, cases }) in golden(file) {
-        assert!(cases.len() >= 10, "{name}");
-        let mut worst = 0.0_f64;
-        for (i, case) in cases.iter().enumerate() {
-            for (method, accelerations) in FORWARD_DYNAMICS {
-                let what = format!("{name}, case {i}, {method}");
-                worst = worst.max(assert_close(&what, &accelerations(&scene, case), &case.expected.acceleration));
+/// By Pinocchio, by the Lagrangian form, by Fossen's equations of a vehicle and by MuJoCo.
+#[test]
+fn val_accelerations_equal_those_of_other_programs_and_forms() {
+    for file in ["pinocchio_dry.json", "wet_reference.json", "fossen_vehicle.json", "mujoco_dry.json"] {
+        for (scene, SceneCases { scene: name, cases }) in golden(file) {
+            assert!(cases.len() >= 10, "{name}");
+            let mut worst = 0.0_f64;
+            for (i, case) in cases.iter().enumerate() {
+                for (method, accelerations) in FORWARD_DYNAMICS {
+                    let what = format!("{file}, {name}, case {i}, {method}");
+                    worst = worst.max(assert_close(&what, &accelerations(&scene, case), &case.expected.acceleration));
+                }
             }
+            println!("{file}, {name}: {} states, off by at most {worst:.1e}", cases.len());
         }
-        println!("{file}, {name}: {} states, off by at most {worst:.1e}", cases.len());
     }
-}
-
-#[test]
-fn val_dry_accelerations_equal_pinocchio() {
-    check_accelerations("pinocchio_dry.json");
-}
-
-#[test]
-fn val_wet_accelerations_equal_the_lagrangian_form() {
-    check_accelerations("wet_reference.json");
-}
-
-#[test]
-fn val_vehicle_alone_equals_fossen() {
-    check_accelerations("fossen_vehicle.json");
 }
 
 /// Where the joints of every second case of a parity are prescribed to have their accelerations, drives take their torques.
@@ -205,11 +195,8 @@ fn val_prescribed_joints_equal_the_lagrangian_form() {
                 let mut scene = scene.clone();
                 scene.water.current = case.current.into();
                 scene.joints_mut().enumerate().for_each(|(k, joint)| joint.prescribed = (k + i) % 2 == 0 || i % 5 == 0);
-                let mut torque = case.joint_torque.clone();
-                torque
-                    .iter_mut()
-                    .zip(scene.joints())
-                    .for_each(|(t, joint)| *t = if joint.prescribed { 0.0 } else { *t });
+                let free = case.joint_torque.iter().zip(scene.joints());
+                let torque: Vec<f64> = free.map(|(t, joint)| if joint.prescribed { 0.0 } else { *t }).collect();
                 if torque == case.joint_torque {
                     continue;
                 }
@@ -224,8 +211,7 @@ fn val_prescribed_joints_equal_the_lagrangian_form() {
                     external: Some(&external),
                     ..Inputs::default()
                 };
-                let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
-                simulator.set_state(0, &case.at.state());
+                let mut simulator = simulator_at(&scene, "mk4", 0.01, &case.at.state());
                 let what = |quantity: &str| format!("{name}, case {i}, {quantity}");
                 assert_close(&what("articulated bodies"), &simulator.forward_dynamics(&inputs).unwrap(), expected);
                 let loads = &simulator.applied_loads(&inputs).unwrap()[0];
@@ -239,11 +225,6 @@ fn val_prescribed_joints_equal_the_lagrangian_form() {
     assert!(compared > 50, "{compared}");
 }
 
-#[test]
-fn val_dry_accelerations_equal_mujoco() {
-    check_accelerations("mujoco_dry.json");
-}
-
 /// Bound on the difference of position, attitude (rotation vector), twist and joints at the end of a motion of 1 s.
 const MOTION_TOLERANCE: f64 = 1e-11;
 
@@ -254,12 +235,9 @@ fn val_dry_motions_end_where_mujocos_do() {
     for motion in motions {
         assert!(motion.step_effect < MOTION_TOLERANCE / 10.0);
         let misses = [0.004, 0.002, 0.001].map(|dt| {
-            let options = SimulatorOptions { dt, ..SimulatorOptions::default() };
-            let mut simulator = Simulator::new(scene(&motion.scene), options).unwrap();
-            simulator.set_state(0, &motion.start.state());
             let inputs = Inputs { joint_torque: Some(&motion.joint_torque), ..Inputs::default() };
-            simulator.step(&inputs, (motion.time / dt).round() as usize).unwrap();
-            miss(&simulator.state(0), &motion.end.state())
+            let steps = (motion.time / dt).round() as usize;
+            miss(&run(&scene(&motion.scene), "mk4", dt, &motion.start.state(), &inputs, steps), &motion.end.state())
         });
         println!("{}: misses MuJoCo's end by {misses:?}", motion.scene);
         assert!(miss(&motion.start.state(), &motion.end.state()) > 0.1);

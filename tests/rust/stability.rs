@@ -1,22 +1,18 @@
 //! Rates of scenes against closed forms, and stable steps against what steps do.
 
-use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::batch::{Cause, Inputs, Mode, Precision, Simulator, SimulatorOptions};
-use uvms_gym::description::{Friction, JointServo, Scene, Tether};
+use nalgebra::{Complex, Matrix3, Vector3, Vector6};
+use uvms_gym::batch::{Cause, Inputs, Mode};
+use uvms_gym::description::{JointLimits, JointServo, Scene, Tether, VehicleServo};
 use uvms_gym::dynamics::{ClosedFormModel, Servos};
 use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
 use uvms_gym::system::State;
 
+use crate::cases::{self, PRECISIONS, batch, diagonal, drift, run, simulator, simulator_at, vacuum, with_gains};
 use crate::random_scene::Random;
 
 const OFF: Servos = Servos { joints: false, vehicle: false };
 const JOINTS: Servos = Servos { joints: true, vehicle: false };
 const BOTH: Servos = Servos { joints: true, vehicle: true };
-
-fn simulator(scene: &Scene, integrator: &str, dt: f64) -> Simulator {
-    let options = SimulatorOptions { integrator: integrator.into(), dt, ..SimulatorOptions::default() };
-    Simulator::new(scene.clone(), options).unwrap()
-}
 
 /// Rates of a scene at home at rest.
 fn rates(scene: &Scene, inputs: &Inputs, servos: Servos) -> Vec<Complex<f64>> {
@@ -44,12 +40,7 @@ fn roots(a: f64, b: f64, c: f64) -> [Complex<f64>; 2] {
 
 /// A body of 2 kg with 3 kg of added mass ahead.
 fn body() -> Scene {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.water.density = 1000.0;
-    let body = &mut scene.vehicle.body;
-    body.mass = 2.0;
-    body.added_mass[(0, 0)] = 3.0;
-    scene
+    cases::body(|body| (body.mass, body.added_mass[(0, 0)]) = (2.0, 3.0))
 }
 
 #[test]
@@ -74,29 +65,27 @@ fn val_rate_of_the_restoring_pendulum() {
     let body = &mut scene.vehicle.body;
     (body.volume, body.center_of_mass) = (Some(mass / 1000.0), Vector3::new(0.0, 0.0, -below));
     body.inertia = Matrix3::identity();
-    body.added_mass = Matrix6::from_diagonal(&Vector6::new(1.0, across, 1.0, turning, 0.2, 0.2));
+    body.added_mass = diagonal([1.0, across, 1.0, turning, 0.2, 0.2]);
     // In roll, about the origin at the centre of buoyancy.
     let inertia = 1.0 + mass * below * below + turning - (mass * below).powi(2) / (mass + across);
     let frequency = (mass * 9.81 * below / inertia).sqrt();
     assert_has(&rates(&scene, &Inputs::default(), OFF), Complex::new(0.0, frequency), 1e-9);
 }
 
-/// PETASUS with the first `links` links of its arm in a vacuum without gravity, joints free of friction and stops.
+/// PETASUS with the first `links` links of its arm in a vacuum, joints without rotors and servos.
 fn dry(links: usize) -> Scene {
-    let mut scene = Scene::shipped("petasus-pum").unwrap();
-    (scene.water.density, scene.water.gravity) = (0.0, Vector3::zeros());
+    let mut scene = vacuum(&Scene::shipped("petasus-pum").unwrap());
     scene.vehicle.servo = None;
-    let arm = scene.arm.as_mut().unwrap();
-    arm.links.truncate(links);
-    let bodies = std::iter::once(&mut scene.vehicle.body).chain(arm.links.iter_mut().map(|link| &mut link.body));
-    for body in bodies {
-        (body.volume, body.added_mass, body.damping) = (None, Matrix6::zeros(), Default::default());
-    }
-    for link in &mut arm.links {
-        (link.joint.friction, link.joint.limits, link.joint.servo) = (Friction::default(), None, None);
-        link.joint.rotor_inertia = 0.0;
-    }
+    scene.arm.as_mut().unwrap().links.truncate(links);
+    scene.joints_mut().for_each(|joint| (joint.servo, joint.rotor_inertia) = (None, 0.0));
     scene
+}
+
+/// Entry of the inverse mass matrix of a joint.
+fn mobility(scene: &Scene, state: &State, joint: usize) -> f64 {
+    let model = ClosedFormModel::new(scene).unwrap();
+    let inverse = model.at(state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
+    inverse[(6 + joint, 6 + joint)]
 }
 
 #[test]
@@ -107,10 +96,8 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
         joint.servo = Some(JointServo { kp, kd });
         joint.friction.viscous = 0.25;
         let state = State { q: scene.home(), ..State::default() };
-        let model = ClosedFormModel::new(&scene).unwrap();
-        let mobility = model.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
         let found = rates(&scene, &Inputs::default(), JOINTS);
-        for root in roots(1.0 / mobility[(7, 7)], kd + 0.25, kp) {
+        for root in roots(1.0 / mobility(&scene, &state, 1), kd + 0.25, kp) {
             assert_has(&found, root, 1e-9);
         }
         let survey = simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap();
@@ -121,38 +108,24 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
 #[test]
 fn val_rates_of_the_station_servo() {
     let mut scene = body();
-    scene.vehicle.servo = Some(uvms_gym::description::VehicleServo {
-        kp: [20.0, 8.0, 0.0, 9.0, 0.0, 0.0],
-        kd: [5.0, 1.0, 0.0, 2.0, 0.0, 0.0],
-    });
+    scene.vehicle.servo =
+        Some(VehicleServo { kp: [20.0, 8.0, 0.0, 9.0, 0.0, 0.0], kd: [5.0, 1.0, 0.0, 2.0, 0.0, 0.0] });
     let found = rates(&scene, &Inputs::default(), BOTH);
     for root in [roots(5.0, 5.0, 20.0), roots(2.0, 1.0, 8.0), roots(1.0, 2.0, 9.0)].concat() {
         assert_has(&found, root, 1e-9);
     }
-    assert!(rates(&scene, &Inputs::default(), OFF).is_empty_of_rates());
-}
-
-trait Rates {
-    fn is_empty_of_rates(&self) -> bool;
-}
-impl Rates for Vec<Complex<f64>> {
-    fn is_empty_of_rates(&self) -> bool {
-        self.iter().all(|rate| rate.norm() < 1e-6)
-    }
+    assert!(rates(&scene, &Inputs::default(), OFF).iter().all(|rate| rate.norm() < 1e-6));
 }
 
 #[test]
 fn an_end_stop_is_a_rate_of_its_own() {
     let mut scene = dry(1);
     let joint = &mut scene.arm.as_mut().unwrap().links[0].joint;
-    joint.limits = Some(uvms_gym::description::JointLimits { lower: -1.0, upper: 1.0, stiffness: 50.0, damping: 0.0 });
-    let simulator = simulator(&scene, "mk4", 0.01);
-    let survey = simulator.modal_analysis(None).unwrap();
+    joint.limits = Some(JointLimits { lower: -1.0, upper: 1.0, stiffness: 50.0, damping: 0.0 });
+    let survey = simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap();
     let modes = survey.modes(OFF);
     let state = State { q: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
-    let model = ClosedFormModel::new(&scene).unwrap();
-    let mobility = model.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
-    let frequency = (50.0 * mobility[(6, 6)]).sqrt();
+    let frequency = (50.0 * mobility(&scene, &state, 0)).sqrt();
     assert!(modes[0].stop && (modes[0].rate - Complex::new(0.0, frequency)).norm() < 0.02 * frequency, "{modes:?}");
     // It bounds the step only where stops are asked for.
     let explicit = Stability::Explicit(&RK4);
@@ -232,44 +205,26 @@ fn a_step_of_a_damped_mass_is_the_stability_function() {
     {
         assert_eq!(Integrator::named(name, &Gains::DEFAULT).unwrap().stability(), Stability::Explicit(tableau));
         for h in [0.05, 0.3, 0.8] {
-            let mut s = simulator(&scene, name, h);
-            s.set_state(0, &State { twist: Vector6::ith(0, 1.0), ..State::default() });
-            s.step(&Inputs::default(), 1).unwrap();
+            let start = State { twist: Vector6::ith(0, 1.0), ..State::default() };
             let expected = tableau.stability(real(-4.0 * h)).re;
-            assert!((s.state(0).twist[0] - expected).abs() < 1e-12, "{name}, {h}");
+            assert!((drift(&scene, name, h, &start, 1).twist[0] - expected).abs() < 1e-12, "{name}, {h}");
         }
     }
 }
 
-/// A scene with the gains of its servos, or none.
+/// A scene with its gains times a factor, whose efforts have no limits.
 fn stiffened(name: &str, factor: f64) -> Scene {
-    let mut scene = Scene::shipped(name).unwrap();
-    for link in scene.arm.iter_mut().flat_map(|arm| &mut arm.links) {
-        link.joint.effort = None;
-        if let Some(servo) = &mut link.joint.servo {
-            servo.kp *= factor;
-            servo.kd *= factor;
-        }
-    }
-    if let Some(servo) = &mut scene.vehicle.servo {
-        servo.kp = servo.kp.map(|k| k * factor);
-        servo.kd = servo.kd.map(|k| k * factor);
-    }
+    let mut scene = with_gains(name, factor);
+    scene.joints_mut().for_each(|joint| joint.effort = None);
     scene
 }
 
-/// How much a small deviation from a balanced rest at home grows in 600 steps with servos on.
+/// Growth of a small deviation from a balanced rest at home in 600 steps with servos on.
 fn growth(scene: &Scene, integrator: &str, dt: f64, wrench: &[f64], torque: &[f64]) -> f64 {
-    let mut s = simulator(scene, integrator, dt);
-    let n = s.joints();
-    let mut state = s.state(0);
-    for k in 0..6 {
-        state.twist[k] = 1e-10 * (1.0 + k as f64);
-    }
-    for k in 0..n {
-        state.qd[k] = 1e-10 * (3.0 - k as f64);
-    }
-    s.set_state(0, &state);
+    let n = scene.joints().count();
+    let mut state = simulator(scene, integrator, dt).state(0);
+    state.twist = Vector6::from_fn(|k, _| 1e-10 * (1.0 + k as f64));
+    (0..n).for_each(|k| state.qd[k] = 1e-10 * (3.0 - k as f64));
     let station = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let target = scene.home();
     let inputs = Inputs {
@@ -279,12 +234,10 @@ fn growth(scene: &Scene, integrator: &str, dt: f64, wrench: &[f64], torque: &[f6
         pose_target: Some(&station),
         ..Inputs::default()
     };
-    let size = |state: &State| state.twist.amax().max(state.qd.iter().fold(0.0, |a: f64, x| a.max(x.abs())));
-    s.step(&inputs, 600).unwrap();
-    let size = size(&s.state(0)) / size(&state);
-    let end = s.state(0);
-    let lost = !end.twist.iter().chain(&end.qd).all(|x| x.is_finite());
-    if lost { f64::INFINITY } else { size }
+    let end = run(scene, integrator, dt, &state, &inputs, 600);
+    let size = |state: &State| state.twist.iter().chain(&state.qd).fold(0.0, |a: f64, x| a.max(x.abs()));
+    let finite = end.twist.iter().chain(&end.qd).all(|x| x.is_finite());
+    if finite { size(&end) / size(&state) } else { f64::INFINITY }
 }
 
 #[test]
@@ -360,7 +313,7 @@ fn a_held_vehicle_has_no_rates_and_a_speed_must_be_one() {
 fn val_rates_of_a_tether_in_the_current_of_a_scene() {
     let (mass, speed) = (5.0, 1.0);
     let mut scene = body();
-    scene.vehicle.body.added_mass = Matrix6::from_diagonal(&Vector6::new(3.0, 3.0, 3.0, 0.0, 0.0, 0.0));
+    scene.vehicle.body.added_mass = diagonal([3.0, 3.0, 3.0, 0.0, 0.0, 0.0]);
     scene.vehicle.tether = Some(Tether {
         position: Vector3::zeros(),
         length: 40.0,
@@ -432,18 +385,12 @@ fn val_range_of_the_integrators() {
     assert_eq!(Stability::Adaptive.range(), f64::INFINITY);
 }
 
-fn many(scene: &Scene, integrator: &str, dt: f64, precision: Precision, instances: usize) -> Simulator {
-    let options =
-        SimulatorOptions { integrator: integrator.into(), dt, precision, instances, ..SimulatorOptions::default() };
-    Simulator::new(scene.clone(), options).unwrap()
-}
-
 #[test]
 fn a_state_that_is_lost_is_said_once() {
     let mut scene = body();
     scene.vehicle.body.damping.quadratic[(0, 0)] = 20.0;
-    for precision in [Precision::Double, Precision::Single] {
-        let mut s = many(&scene, "mk1", 0.1, precision, 20);
+    for precision in PRECISIONS {
+        let mut s = batch(&scene, "mk1", 0.1, precision, 20);
         s.set_state(11, &State { twist: Vector6::ith(0, 1e3), ..State::default() });
         assert_eq!(s.warn_of_motion(), None);
         s.step(&Inputs::default(), 40).unwrap();
@@ -460,8 +407,8 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
         for (integrator, dt) in [("mk4", 0.01), ("mk4", 0.02), ("mk3", 0.01), ("mk2", 0.01)] {
-            for precision in [Precision::Double, Precision::Single] {
-                let mut s = many(&scene, integrator, dt, precision, 16);
+            for precision in PRECISIONS {
+                let mut s = batch(&scene, integrator, dt, precision, 16);
                 let (speed, n, mut random) = (s.expected_speed(), s.joints(), Random::new(5));
                 let mut target = Vec::new();
                 for i in 0..16 {
@@ -499,8 +446,8 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
 fn a_kept_quaternion_is_no_reason_to_warn() {
     let scene = Scene::shipped("free-body").unwrap();
     for entry in Integrator::NAMES {
-        let mut s = many(&scene, entry.name, 0.1, Precision::Double, 1);
-        s.set_state(0, &State { twist: Vector6::ith(5, 1.0), ..State::default() });
+        let spin = State { twist: Vector6::ith(5, 1.0), ..State::default() };
+        let mut s = simulator_at(&scene, entry.name, 0.1, &spin);
         s.step(&Inputs::default(), 1).unwrap();
         assert_eq!(s.warn_of_motion(), None);
     }

@@ -1,12 +1,14 @@
 //! Laws of thrusters with dynamics: map, dead band, saturation, lag, inflow, hull.
 
 use nalgebra::{Vector3, Vector6};
-use uvms_gym::batch::{Autoreset, Inputs, Simulator, SimulatorOptions, TaskBatch};
+use uvms_gym::batch::{Autoreset, Inputs, SimulatorOptions, States, TaskBatch};
 use uvms_gym::description::{Scene, ThrustMap};
 use uvms_gym::error::SimulatorError;
 use uvms_gym::integrate::Integrator;
 use uvms_gym::system::{State, compile};
 use uvms_gym::task::TaskOptions;
+
+use crate::cases::{self, orders, run, simulator, simulator_at};
 
 /// One body without water, one thruster forward through its centre of mass.
 fn puck(change: &str) -> Scene {
@@ -18,34 +20,20 @@ fn puck(change: &str) -> Scene {
     Scene::from_toml_str(&text, "puck").unwrap()
 }
 
-fn simulator(scene: &Scene, options: SimulatorOptions) -> Simulator {
-    Simulator::new(scene.clone(), options).unwrap()
-}
-
-fn alone(scene: &Scene, dt: f64) -> Simulator {
-    simulator(scene, SimulatorOptions { dt, ..SimulatorOptions::default() })
-}
-
-fn by(scene: &Scene, integrator: &str, dt: f64) -> Simulator {
-    simulator(scene, SimulatorOptions { integrator: integrator.into(), dt, ..SimulatorOptions::default() })
-}
-
 fn thrust(thrust: &[f64]) -> Inputs<'_> {
     Inputs { thrust: Some(thrust), ..Inputs::default() }
 }
 
 /// What a command settles at.
 fn settled(scene: &Scene, command: f64) -> f64 {
-    let mut simulator = alone(scene, 0.01);
-    simulator.step(&thrust(&[command]), 1).unwrap();
-    simulator.state(0).thrust[0]
+    run(scene, "mk4", 0.01, &State::default(), &thrust(&[command]), 1).thrust[0]
 }
 
 #[test]
 fn a_step_response_is_an_exponential() {
     let scene = puck("lag = 0.15");
     for dt in [1e-4, 0.01, 0.3] {
-        let mut simulator = alone(&scene, dt);
+        let mut simulator = simulator(&scene, "mk4", dt);
         for k in 1..=200 {
             simulator.step(&thrust(&[30.0]), 1).unwrap();
             let t = dt * f64::from(k);
@@ -61,11 +49,9 @@ fn a_step_response_is_an_exponential() {
 fn impulse_is_exact_at_any_step() {
     let (tau, mass) = (0.2, 10.0);
     for (dt, steps) in [(0.001, 700), (0.05, 14), (0.35, 2)] {
-        let mut simulator = alone(&puck("lag = 0.2"), dt);
-        simulator.step(&thrust(&[50.0]), steps).unwrap();
         let t = dt * steps as f64;
         let expected = 50.0 * (t + tau * (-t / tau).exp_m1()) / mass;
-        let got = simulator.state(0).twist[0];
+        let got = run(&puck("lag = 0.2"), "mk4", dt, &State::default(), &thrust(&[50.0]), steps).twist[0];
         assert!((got - expected).abs() < 1e-13, "{dt}: {got} {expected}");
     }
 }
@@ -78,15 +64,12 @@ fn way_under_a_lag_converges_with_the_order_of_the_method() {
     let expected = 50.0 / mass * (0.5 * t * t - tau * (t + tau * (-t / tau).exp_m1()));
     for (integrator, order) in [("mk4", 4.0), ("mk3", 3.0), ("mk2", 2.0), ("ros2", 2.0), ("ros3", 3.0)] {
         let error = |steps: usize| {
-            let mut simulator = by(&puck("lag = 0.2"), integrator, t / steps as f64);
-            simulator.step(&thrust(&[50.0]), steps).unwrap();
-            (simulator.state(0).position[0] - expected).abs()
+            let dt = t / steps as f64;
+            let end = run(&puck("lag = 0.2"), integrator, dt, &State::default(), &thrust(&[50.0]), steps);
+            (end.position[0] - expected).abs()
         };
         let errors = [16, 32, 64].map(error);
-        for pair in errors.windows(2) {
-            let observed = (pair[0] / pair[1]).log2();
-            assert!(observed > order - 0.2, "{integrator}: {errors:?}");
-        }
+        assert!(orders(&errors).iter().all(|x| *x > order - 0.2), "{integrator}: {errors:?}");
     }
 }
 
@@ -94,15 +77,12 @@ fn way_under_a_lag_converges_with_the_order_of_the_method() {
 fn commands_in_the_dead_band_give_exactly_nothing() {
     let scene = puck("dead_band = 3.0");
     for command in [0.0, 1.0, 3.0, -3.0, -2.9] {
-        let mut simulator = alone(&scene, 0.01);
-        simulator.step(&thrust(&[command]), 20).unwrap();
-        assert_eq!(simulator.state(0).thrust[0], 0.0);
-        assert_eq!(simulator.state(0).twist, Vector6::zeros());
+        let end = run(&scene, "mk4", 0.01, &State::default(), &thrust(&[command]), 20);
+        assert_eq!((end.thrust[0], end.twist), (0.0, Vector6::zeros()));
     }
-    assert_eq!(settled(&scene, 3.5), 3.5);
-    assert_eq!(settled(&scene, -3.5), -3.5);
+    assert_eq!([3.5, -3.5].map(|command| settled(&scene, command)), [3.5, -3.5]);
     // A thruster that runs down stops for good, and the zero command is within any dead band.
-    let mut lagging = alone(&puck("lag = 0.1"), 0.01);
+    let mut lagging = simulator(&puck("lag = 0.1"), "mk4", 0.01);
     lagging.step(&thrust(&[20.0]), 5).unwrap();
     lagging.step(&thrust(&[0.0]), 600).unwrap();
     assert_eq!(lagging.state(0).thrust[0], 0.0);
@@ -120,17 +100,9 @@ fn thrust_saturates_at_the_limits() {
 #[test]
 fn a_map_goes_straight_through_its_points() {
     let scene = puck("map = [[-40, -20], [-10, 0], [0, 0], [10, 2], [20, 10], [60, 50]]");
-    for (command, expected) in [
-        (0.0, 0.0),
-        (5.0, 1.0),
-        (10.0, 2.0),
-        (15.0, 6.0),
-        (40.0, 30.0),
-        (60.0, 50.0),
-        (-5.0, 0.0),
-        (-25.0, -10.0),
-        (-40.0, -20.0),
-    ] {
+    let commands = [0.0, 5.0, 10.0, 15.0, 40.0, 60.0, -5.0, -25.0, -40.0];
+    let expected = [0.0, 1.0, 2.0, 6.0, 30.0, 50.0, 0.0, -10.0, -20.0];
+    for (command, expected) in commands.into_iter().zip(expected) {
         assert!((settled(&scene, command) - expected).abs() < 1e-12, "{command}: {}", settled(&scene, command));
     }
 }
@@ -157,8 +129,7 @@ fn val_the_t200_gives_what_its_pulse_width_says() {
 
 /// Thrust that acts at a speed.
 fn acting(scene: &Scene, command: f64, speed: f64) -> f64 {
-    let mut simulator = alone(scene, 0.01);
-    simulator.set_state(0, &State { twist: Vector6::ith(0, speed), ..State::default() });
+    let simulator = simulator_at(scene, "mk4", 0.01, &State { twist: Vector6::ith(0, speed), ..State::default() });
     simulator.applied_loads(&thrust(&[command])).unwrap()[0].thrust[0]
 }
 
@@ -182,16 +153,15 @@ fn inflow_takes_thrust_away() {
 #[test]
 fn inflow_is_relative_and_at_the_thruster() {
     let mut scene = puck("ambient_flow = 1.0");
-    let mut drifting = alone(&scene, 0.01);
-    drifting.set_state(0, &State { twist: Vector6::ith(0, 0.7), ..State::default() });
+    let moving = |twist| State { twist, ..State::default() };
+    let mut drifting = simulator_at(&scene, "mk4", 0.01, &moving(Vector6::ith(0, 0.7)));
     drifting.set_flow(0, Vector3::new(0.7, 0.0, 0.0));
     assert_eq!(drifting.applied_loads(&thrust(&[30.0])).unwrap()[0].thrust[0], 30.0);
 
     scene.vehicle.thrusters[0].position = Vector3::new(0.0, 0.5, 0.0);
-    let mut turning = alone(&scene, 0.01);
-    // A turn to the left takes what is on the left backward: no inflow; a turn to the right 0.5 m/s.
+    // A turn to the left moves a thruster on the left backward: no inflow; a turn to the right 0.5 m/s.
     for (rate, speed) in [(1.0, 0.0), (-1.0, 0.5)] {
-        turning.set_state(0, &State { twist: Vector6::ith(5, rate), ..State::default() });
+        let turning = simulator_at(&scene, "mk4", 0.01, &moving(Vector6::ith(5, rate)));
         let got = turning.applied_loads(&thrust(&[30.0])).unwrap()[0].thrust[0];
         assert!((got - (30.0 - 30f64.sqrt() * speed)).abs() < 1e-12, "{rate}: {got}");
     }
@@ -202,10 +172,9 @@ fn inflow_is_relative_and_at_the_thruster() {
 fn inflow_limits_the_speed() {
     let mut scene = puck("ambient_flow = 1.5\nlag = 0.1");
     scene.vehicle.body.damping.linear[(0, 0)] = 10.0;
-    let mut simulator = alone(&scene, 0.01);
-    simulator.step(&thrust(&[36.0]), 4000).unwrap();
+    let end = run(&scene, "mk4", 0.01, &State::default(), &thrust(&[36.0]), 4000);
     // 36 - 1.5 * 6 v = 10 v
-    assert!((simulator.state(0).twist[0] - 36.0 / 19.0).abs() < 1e-12);
+    assert!((end.twist[0] - 36.0 / 19.0).abs() < 1e-12);
 }
 
 /// The inflow of each stage leaves methods their order, while a thrust rises and the vehicle turns: against a fine step.
@@ -217,13 +186,10 @@ fn inflow_leaves_every_method_its_order() {
     (side.lag, side.ambient_flow) = (Some(0.0), Some(0.3));
     scene.vehicle.thrusters.push(side);
     let end = |integrator: &str, steps: usize| {
-        let mut simulator = by(&scene, integrator, 1.28 / steps as f64);
         // At full inflow throughout, and without thrusts of 0: the loss has kinks there.
         let mut state = State { twist: Vector6::new(0.5, 0.1, 0.0, 0.1, 0.2, -0.2), ..State::default() };
         state.thrust[..2].copy_from_slice(&[20.0, 6.0]);
-        simulator.set_state(0, &state);
-        simulator.step(&thrust(&[50.0, 6.0]), steps).unwrap();
-        simulator.state(0)
+        run(&scene, integrator, 1.28 / steps as f64, &state, &thrust(&[50.0, 6.0]), steps)
     };
     let exact = end("mk4", 4096);
     for (integrator, order) in [("mk4", 4.0), ("mk3", 3.0), ("mk2", 2.0), ("ros2", 2.0), ("ros3", 3.0)] {
@@ -231,9 +197,7 @@ fn inflow_leaves_every_method_its_order() {
             let state = end(integrator, steps);
             (state.position - exact.position).norm() + (state.twist - exact.twist).norm()
         });
-        for pair in errors.windows(2) {
-            assert!((pair[0] / pair[1]).log2() > order - 0.1, "{integrator}: {errors:?}");
-        }
+        assert!(orders(&errors).iter().all(|x| *x > order - 0.1), "{integrator}: {errors:?}");
     }
 }
 
@@ -243,13 +207,13 @@ fn the_hull_deducts_and_is_pushed() {
     assert!(plain.thrusters.is_empty());
     let scene = puck("deduction = 0.2\ninduced = [0, 0, 0, 0.03, 0, 0]");
     assert!(compile(&scene).system == plain, "a matter of the thruster configuration alone");
-    let mut simulator = alone(&scene, 0.01);
+    let mut simulator = simulator(&scene, "mk4", 0.01);
     let configuration = simulator.allocation().configuration();
     assert_eq!(configuration.column(0).as_slice(), [0.8, 0.0, 0.0, 0.03, 0.0, 0.0]);
     let rates = simulator.forward_dynamics(&thrust(&[10.0])).unwrap();
     assert!((rates[0] - 0.8).abs() < 1e-15 && (rates[3] - 0.3).abs() < 1e-15);
     // With dynamics too.
-    let mut lagging = alone(&puck("deduction = 0.2\nlag = 0.0\ndead_band = 1.0"), 0.01);
+    let mut lagging = cases::simulator(&puck("deduction = 0.2\nlag = 0.0\ndead_band = 1.0"), "mk4", 0.01);
     assert!((lagging.forward_dynamics(&thrust(&[10.0])).unwrap()[0] - 0.8).abs() < 1e-15);
 }
 
@@ -280,10 +244,10 @@ fn thrusters_without_dynamics_are_not_there() {
         (thruster.deduction, thruster.induced) = (Some(0.0), Some([0.0; 6]));
     }
     assert!(compile(&plain).system == compile(&stated).system);
-    let mut simulator = alone(&plain, 0.01);
-    assert_eq!(simulator.allocation().configuration(), alone(&stated, 0.01).allocation().configuration());
-    let states = uvms_gym::batch::States { thrust: Some(&[0.0; 8]), ..Default::default() };
-    assert!(matches!(simulator.set_states(&states), Err(SimulatorError::NoThrusterState { .. })));
+    let [mut plain, stated] = [plain, stated].map(|scene| simulator(&scene, "mk4", 0.01));
+    assert_eq!(plain.allocation().configuration(), stated.allocation().configuration());
+    let states = States { thrust: Some(&[0.0; 8]), ..Default::default() };
+    assert!(matches!(plain.set_states(&states), Err(SimulatorError::NoThrusterState { .. })));
 }
 
 /// Where nothing holds thrust back, dynamics change what steps only by rounding.
@@ -294,8 +258,7 @@ fn dynamics_that_do_nothing_change_nothing() {
     quick.vehicle.thruster_lag = Some(1e-12);
     for integrator in Integrator::NAMES.map(|entry| entry.name) {
         let end = |scene: &Scene| {
-            let mut simulator =
-                simulator(scene, SimulatorOptions { dt: 0.005, integrator: integrator.into(), ..Default::default() });
+            let mut simulator = simulator(scene, integrator, 0.005);
             simulator.step(&thrust(&[10.0, -5.0, 3.0, 8.0, -2.0, 1.0, 4.0, -9.0]), 20).unwrap();
             simulator.state(0)
         };
@@ -356,11 +319,8 @@ fn tasks_command_lagging_thrusters() {
     };
     let (mut one, mut many) = (batch(1), batch(11));
     for step in 0..6 {
-        assert_eq!(
-            one.simulator().state(0).thrust == [0.0; 16],
-            step == 0 || step == 5,
-            "at rest where episodes begin"
-        );
+        let at_rest = one.simulator().state(0).thrust == [0.0; 16];
+        assert_eq!(at_rest, step == 0 || step == 5, "at rest where episodes begin");
         let action: Vec<f32> = (0..one.task().action_len()).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect();
         let (a, b) = (one.step(&action).unwrap(), many.step(&action.repeat(11)).unwrap());
         assert_eq!(a.observations, b.observations[..a.observations.len()]);

@@ -6,20 +6,31 @@ use uvms_gym::description::Scene;
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::State;
 
-use super::order::tumbling;
-use super::{distance, drift};
+use crate::cases::{bits, distance, drift, numbers, run, tumbling};
 use crate::random_scene::random_state;
 
-fn adaptive(scene: &Scene, tolerance: f64, dt: f64, instances: usize) -> Simulator {
-    let options =
-        SimulatorOptions { integrator: "mk54".into(), tolerance, dt, instances, ..SimulatorOptions::default() };
-    Simulator::new(scene.clone(), options).unwrap()
+/// One instance at each of `starts`, by an integrator with a tolerance.
+fn simulator(
+    scene: &Scene,
+    (integrator, tolerance): (&str, f64),
+    precision: Precision,
+    dt: f64,
+    starts: &[State],
+) -> Simulator {
+    let (integrator, instances) = (integrator.into(), starts.len());
+    let options = SimulatorOptions { integrator, tolerance, dt, precision, instances, ..SimulatorOptions::default() };
+    let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+    starts.iter().enumerate().for_each(|(i, start)| simulator.set_state(i, start));
+    simulator
+}
+
+fn adaptive(scene: &Scene, tolerance: f64, dt: f64, starts: &[State]) -> Simulator {
+    simulator(scene, ("mk54", tolerance), Precision::Double, dt, starts)
 }
 
 /// The state after `steps` free steps.
 fn arrive(scene: &Scene, tolerance: f64, dt: f64, state: &State, steps: usize) -> State {
-    let mut simulator = adaptive(scene, tolerance, dt, 1);
-    simulator.set_state(0, state);
+    let mut simulator = adaptive(scene, tolerance, dt, std::slice::from_ref(state));
     simulator.step(&Inputs::default(), steps).unwrap();
     simulator.state(0)
 }
@@ -50,17 +61,12 @@ fn error_follows_the_tolerance_whatever_the_step() {
 fn kinks_are_resolved_to_the_tolerance_too() {
     let scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
     let start = State { twist: Vector6::new(0.4, -0.2, 0.1, 0.3, 0.5, -0.4), q: scene.home(), ..State::default() };
-    let run = |integrator: &str, tolerance: f64, dt: f64, steps: usize| {
-        let options = SimulatorOptions { integrator: integrator.into(), tolerance, dt, ..SimulatorOptions::default() };
-        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        simulator.set_state(0, &start);
-        let torque = [3.0, 4.0, -4.0, 1.0];
-        simulator.step(&Inputs { joint_torque: Some(&torque), ..Inputs::default() }, steps).unwrap();
-        simulator.state(0)
-    };
-    let end = run("mk4", 1.0, 2e-5, 100_000);
+    let inputs = Inputs { joint_torque: Some(&[3.0, 4.0, -4.0, 1.0]), ..Inputs::default() };
+    let end = run(&scene, "mk4", 2e-5, &start, &inputs, 100_000);
     for tolerance in [1e-5, 1e-7, 1e-9] {
-        let error = distance(&end, &run("mk54", tolerance, 0.05, 40));
+        let mut simulator = adaptive(&scene, tolerance, 0.05, std::slice::from_ref(&start));
+        simulator.step(&inputs, 40).unwrap();
+        let error = distance(&end, &simulator.state(0));
         println!("tolerance {tolerance:e}: error {error:.2e}");
         assert!(error < 50.0 * tolerance, "{error:e} at {tolerance:e}");
     }
@@ -71,18 +77,10 @@ fn every_instance_has_its_own_pieces() {
     let scene = Scene::shipped("petasus-pum").unwrap();
     let spinning = State { twist: Vector6::new(0.3, 0.0, 0.1, 6.0, -4.0, 9.0), q: scene.home(), ..State::default() };
     let lost = State { twist: Vector6::new(0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0), ..spinning.clone() };
-    let bits = |state: &State| {
-        let numbers: Vec<f64> =
-            state.position.iter().chain(state.twist.iter()).chain(state.rotation.iter()).copied().collect();
-        numbers.into_iter().chain(state.q).chain(state.qd).map(f64::to_bits).collect::<Vec<_>>()
-    };
     let run = |states: &[State]| {
-        let mut simulator = adaptive(&scene, 1e-9, 0.1, states.len());
-        for (i, state) in states.iter().enumerate() {
-            simulator.set_state(i, state);
-        }
+        let mut simulator = adaptive(&scene, 1e-9, 0.1, states);
         simulator.step(&Inputs::default(), 5).unwrap();
-        (0..states.len()).map(|i| bits(&simulator.state(i))).collect::<Vec<_>>()
+        (0..states.len()).map(|i| simulator.state(i)).collect::<Vec<_>>()
     };
     let mut states: Vec<State> = (0..17).map(|i| random_state(i, &scene)).collect();
     (states[3], states[9]) = (spinning, lost);
@@ -90,9 +88,9 @@ fn every_instance_has_its_own_pieces() {
     for (i, state) in states.iter().enumerate() {
         let alone = run(std::slice::from_ref(state));
         if i == 9 {
-            assert!(together[i].iter().any(|&b| f64::from_bits(b).is_nan()));
+            assert!(numbers(&together[i]).iter().any(|x| x.is_nan()));
         } else {
-            assert_eq!(together[i], alone[0], "instance {i}");
+            assert_eq!(bits(&together[i]), bits(&alone[0]), "instance {i}");
         }
     }
 }
@@ -101,15 +99,16 @@ fn every_instance_has_its_own_pieces() {
 #[test]
 fn a_new_state_begins_afresh() {
     let (scene, start) = tumbling(true);
-    let mut simulator = adaptive(&scene, 1e-8, 0.05, 1);
+    let starts = [start];
+    let mut simulator = adaptive(&scene, 1e-8, 0.05, &starts);
     let mut run = || {
-        simulator.set_state(0, &start);
+        simulator.set_state(0, &starts[0]);
         simulator.step(&Inputs::default(), 20).unwrap();
         simulator.save()
     };
     let first = run();
     assert_eq!(first, run());
-    let mut other = adaptive(&scene, 1e-8, 0.05, 1);
+    let mut other = adaptive(&scene, 1e-8, 0.05, &starts);
     other.load(&first).unwrap();
     simulator.step(&Inputs::default(), 3).unwrap();
     other.step(&Inputs::default(), 1).unwrap();
@@ -139,16 +138,9 @@ fn tolerance_is_a_positive_number() {
 fn single_precision_errors(starts: &[State], integrator: &str, tolerance: f64, dt: f64) -> Vec<f64> {
     let (scene, _) = tumbling(false);
     let run = |integrator: &str, precision: Precision, dt: f64| {
-        let instances = starts.len();
-        let integrator = integrator.into();
-        let options =
-            SimulatorOptions { integrator, tolerance, dt, precision, instances, ..SimulatorOptions::default() };
-        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        for (i, start) in starts.iter().enumerate() {
-            simulator.set_state(i, start);
-        }
+        let mut simulator = simulator(&scene, (integrator, tolerance), precision, dt, starts);
         simulator.step(&Inputs::default(), (2.0 / dt).round() as usize).unwrap();
-        (0..instances).map(|i| simulator.state(i)).collect::<Vec<_>>()
+        (0..starts.len()).map(|i| simulator.state(i)).collect::<Vec<_>>()
     };
     let exact = run("mk4", Precision::Double, 2.0 / 8192.0);
     let ends = run(integrator, Precision::Single, dt);

@@ -2,26 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Simulator};
-use uvms_gym::description::{Body, Scene};
+use uvms_gym::description::Scene;
 use uvms_gym::system::{State, rotation_vector};
 
-use super::{distance, drift, simulator};
-
-/// A body alone in water without gravity: 10 kg, its frame at its centre of mass.
-pub fn body(change: impl FnOnce(&mut Body)) -> Scene {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.water.density = 1000.0;
-    scene.vehicle.body.mass = 10.0;
-    change(&mut scene.vehicle.body);
-    scene.check().unwrap();
-    scene
-}
-
-pub fn diagonal(x: [f64; 6]) -> Matrix6<f64> {
-    Matrix6::from_diagonal(&x.into())
-}
+use crate::cases::{body, diagonal, distance, drift, lossless, run, simulator_at};
 
 fn moving(twist: [f64; 6]) -> State {
     State { twist: twist.into(), ..State::default() }
@@ -63,10 +49,10 @@ fn val_terminal_speed_is_the_root_of_force_by_drag() {
     for axis in 0..3 {
         let mut wrench = [0.0; 6];
         wrench[axis] = -24.0;
-        let mut simulator = simulator(&scene, "mk4", 0.02, &State::default());
-        simulator.step(&Inputs { wrench: Some(&wrench), ..Inputs::default() }, 2000).unwrap();
+        let inputs = Inputs { wrench: Some(&wrench), ..Inputs::default() };
+        let end = run(&scene, "mk4", 0.02, &State::default(), &inputs, 2000);
         let expected = -f64::sqrt(24.0 / [6.0, 9.0, 12.0][axis]);
-        assert!((simulator.state(0).twist[axis] - expected).abs() < 1e-12);
+        assert!((end.twist[axis] - expected).abs() < 1e-12);
     }
     // A heavy body sinks at its own.
     let mut heavy = scene;
@@ -201,7 +187,7 @@ fn val_spin_about_the_middle_axis_flips_over() {
         (a, b) = ((a + b) / 2.0, (a * b).sqrt());
     }
     let quarter = std::f64::consts::FRAC_PI_2 / a / top.rate;
-    let mut simulator = simulator(&scene, "mk4", quarter / 400.0, &moving([0.0, 0.0, 0.0, 1.2, 0.0, 1.02]));
+    let mut simulator = simulator_at(&scene, "mk4", quarter / 400.0, &moving([0.0, 0.0, 0.0, 1.2, 0.0, 1.02]));
     for flip in 0..6 {
         simulator.step(&Inputs::default(), 400).unwrap();
         let middle = simulator.state(0).twist[4];
@@ -247,7 +233,7 @@ fn val_munk_moment_turns_a_slender_body_at_its_growth_rate() {
     });
     let growth = speed * ((m_y - m_x) * (m + m_x) / ((m + m_y) * (inertia + i_a))).sqrt();
     let at = |simulator: &Simulator| simulator.state(0).twist[5];
-    let mut simulator = simulator(&scene, "mk4", 0.005, &moving([speed, 0.0, 0.0, 0.0, 0.0, 1e-12]));
+    let mut simulator = simulator_at(&scene, "mk4", 0.005, &moving([speed, 0.0, 0.0, 0.0, 0.0, 1e-12]));
     // Past the decaying mode; then by the ratio of yaw rates.
     simulator.step(&Inputs::default(), (12.0 / growth / 0.005) as usize).unwrap();
     let before = at(&simulator);
@@ -256,7 +242,7 @@ fn val_munk_moment_turns_a_slender_body_at_its_growth_rate() {
     println!("Munk: growth rate {observed:.8} 1/s, expected {growth:.8}");
     assert!((observed - growth).abs() < 1e-8 * growth, "{observed} {growth}");
     // In the current's frame the same: at rest in water that comes from ahead.
-    let mut held = self::simulator(&scene, "mk4", 0.005, &moving([0.0, 0.0, 0.0, 0.0, 0.0, 1e-12]));
+    let mut held = simulator_at(&scene, "mk4", 0.005, &moving([0.0, 0.0, 0.0, 0.0, 0.0, 1e-12]));
     held.set_flow(0, Vector3::new(-speed, 0.0, 0.0));
     held.step(&Inputs::default(), (12.0 / growth / 0.005) as usize).unwrap();
     assert!((at(&held) / before - 1.0).abs() < 1e-9);
@@ -265,36 +251,10 @@ fn val_munk_moment_turns_a_slender_body_at_its_growth_rate() {
     assert!(stable.twist[5].abs() < 1e-8);
 }
 
-#[test]
-fn body_that_drifts_with_the_current_feels_no_water() {
-    let scene = body(|body| {
-        body.added_mass = diagonal([3.0, 25.0, 11.0, 2.0, 4.0, 3.0]);
-        body.damping.linear = diagonal([5.0, 6.0, 7.0, 0.0, 0.0, 0.0]);
-        body.damping.quadratic = diagonal([15.0, 16.0, 17.0, 0.0, 0.0, 0.0]);
-    });
-    let current = Vector3::new(0.4, -0.7, 0.2);
-    let rotation = Rotation3::new(Vector3::new(0.3, -1.1, 0.6)).into_inner();
-    let water = rotation.tr_mul(&current);
-    let twist = Vector6::new(water.x, water.y, water.z, 0.4, -0.5, 0.3);
-    let state = State { rotation, twist, ..State::default() };
-    let mut simulator = simulator(&scene, "mk4", 0.01, &state);
-    simulator.set_flow(0, current);
-    simulator.step(&Inputs::default(), 1000).unwrap();
-    let end = simulator.state(0);
-    assert!((end.position - current * 10.0).norm() < 1e-11, "{}", end.position);
-    let velocity = end.rotation * end.twist.fixed_rows::<3>(0);
-    assert!((velocity - current).norm() < 1e-12);
-    // It turns on as it would in a vacuum, were that its inertia.
-    let mut dry = body(|b| b.inertia = Matrix3::from_diagonal(&Vector3::new(3.0, 5.0, 4.0)));
-    dry.water.density = 0.0;
-    let spun = drift(&dry, "mk4", 0.01, &State { twist: Vector6::new(0.0, 0.0, 0.0, 0.4, -0.5, 0.3), ..state }, 1000);
-    assert!((end.twist - spun.twist).fixed_rows::<3>(3).norm() < 1e-12);
-}
-
 /// Without losses the motion runs backward as it ran forward.
 #[test]
 fn motion_without_losses_reverses() {
-    let mut scene = crate::cases::lossless(&Scene::shipped("petasus-pum").unwrap());
+    let mut scene = lossless(&Scene::shipped("petasus-pum").unwrap());
     scene.water.gravity = Vector3::new(0.0, 0.0, -9.81);
     scene.vehicle.body.center_of_buoyancy = Vector3::new(0.0, 0.0, 0.03);
     let mut start = State { q: scene.home(), ..State::default() };

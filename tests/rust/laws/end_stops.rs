@@ -2,9 +2,11 @@
 
 use std::f64::consts::PI;
 
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
+
+use crate::cases::PRECISIONS;
 
 const INERTIA: f64 = 0.2;
 const LIMIT: f64 = 0.5;
@@ -88,7 +90,7 @@ fn bounces_that_end_are_known() {
 
 #[test]
 fn bounces_of_an_instance_do_not_depend_on_others() {
-    for precision in [Precision::Double, Precision::Single] {
+    for precision in PRECISIONS {
         let run = |instances| {
             let options = SimulatorOptions { instances, precision, ..SimulatorOptions::default() };
             let mut s = simulator(&link(4.0, 0.1), "ros2", options);

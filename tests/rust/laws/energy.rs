@@ -1,35 +1,14 @@
 //! The energy ledger over whole motions.
 
-use uvms_gym::batch::{Inputs, Simulator};
+use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::{Loads, Power};
 
 use super::joints::{Sway, later};
-use super::simulator;
+use crate::cases::simulator_at;
 use crate::random_scene::{Random, random_state};
 
 /// Simulated time, s.
 const SECONDS: usize = 8;
-
-/// Powers of all that acts on the instance now.
-fn power(simulator: &Simulator, thrust: &[f64], target: &[f64]) -> Power {
-    let state = simulator.state(0);
-    let command: Vec<f64> = simulator
-        .scene()
-        .joints()
-        .enumerate()
-        .map(|(k, joint)| {
-            let servo = joint.servo.as_ref().unwrap();
-            let torque = servo.kp * (target[4 * k] - state.q[k]) + servo.kd * (target[4 * k + 1] - state.qd[k]);
-            let effort = joint.effort.unwrap();
-            assert!(torque.abs() < effort, "no servo saturates, which would be a kink");
-            torque
-        })
-        .collect();
-    simulator.closed_form(0, |form| {
-        form.power(&Loads { thrust, external: &[], joint_command: &command, ..Loads::default() }).unwrap()
-    })
-}
 
 /// Residual of the ledger by the absolute work: |E(T) - E(0) - integral of power|, by Boole's rule on the steps.
 ///
@@ -49,7 +28,7 @@ fn ledger(h: f64, stops: bool, prescribed: bool) -> f64 {
     scene.joints_mut().enumerate().for_each(|(k, joint)| joint.prescribed = prescribed && k % 2 == 0);
     let sway = Sway::about(posture, 5);
     sway.start(&mut state);
-    let mut simulator = simulator(&scene, "mk4", h, &state);
+    let mut simulator = simulator_at(&scene, "mk4", h, &state);
     let steps = (1.0 / h).round() as usize;
     assert_eq!(steps % 4, 0);
     let (before, mut work, mut absolute) = (simulator.closed_form(0, |form| form.energy().total()), 0.0, 0.0);
@@ -61,12 +40,12 @@ fn ledger(h: f64, stops: bool, prescribed: bool) -> f64 {
         for step in 0..=steps {
             let now = later(&target, h * step as f64);
             let inputs = Inputs { thrust: Some(&thrust), joint_target: Some(&now), ..Inputs::default() };
-            let power = if prescribed {
-                let loads = &simulator.applied_loads(&inputs).unwrap()[0];
-                simulator.closed_form(0, |form| form.power(&loads.loads())).unwrap()
-            } else {
-                power(&simulator, &thrust, &now)
-            };
+            let loads = &simulator.applied_loads(&inputs).unwrap()[0];
+            for (command, joint) in loads.joint_command.iter().zip(scene.joints()) {
+                let free = joint.prescribed || command.abs() < joint.effort.unwrap();
+                assert!(free, "no servo saturates, which would be a kink");
+            }
+            let power = simulator.closed_form(0, |form| form.power(&loads.loads())).unwrap();
             let weight = match step {
                 0 => 7.0,
                 k if k == steps => 7.0,

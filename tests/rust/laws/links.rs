@@ -6,7 +6,7 @@ use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use super::{drift, simulator};
+use crate::cases::{drift, run};
 
 /// A link of 2 kg with added mass 1.5 kg along its way (x) and 0.2 kg m2 about its axis (y), frame at the joint.
 fn link(kind: &str, axis: &str, rest: &str) -> Scene {
@@ -59,11 +59,11 @@ fn val_driven_link_turns_at_its_terminal_rate() {
     // k w^2 + c w = tau, by drag about the axis and friction.
     let (k, tau) = (1.7, 3.0);
     let scene = link("revolute", "[0.0, 1.0, 0.0]", &format!("damping.quadratic = [0.0, 0.0, 0.0, 0.0, {k}, 0.0]"));
-    let mut simulator = simulator(&scene, "mk4", 0.01, &at(0.0, 0.0));
     // Weight acts at the axis, so it turns nothing.
-    simulator.step(&Inputs { joint_torque: Some(&[tau]), ..Inputs::default() }, 2000).unwrap();
+    let inputs = Inputs { joint_torque: Some(&[tau]), ..Inputs::default() };
+    let rate = run(&scene, "mk4", 0.01, &at(0.0, 0.0), &inputs, 2000).qd[0];
     let expected = (-VISCOUS + f64::sqrt(VISCOUS * VISCOUS + 4.0 * k * tau)) / (2.0 * k);
-    assert!((simulator.state(0).qd[0] - expected).abs() < 1e-12, "{}", simulator.state(0).qd[0]);
+    assert!((rate - expected).abs() < 1e-12, "{rate}");
 }
 
 #[test]
@@ -74,13 +74,8 @@ fn val_pinned_pendulum_under_water_has_its_period() {
     let inertia = 0.4 + m * l * l + 0.2;
     let period = TAU / f64::sqrt((m * l - displaced * b) * 9.81 / inertia);
     let (swing, steps) = (1e-4, 400);
-    let end = drift(
-        &free(link("revolute", "[0.0, 1.0, 0.0]", &body)),
-        "mk4",
-        period / steps as f64,
-        &at(swing, 0.0),
-        10 * steps,
-    );
+    let scene = free(link("revolute", "[0.0, 1.0, 0.0]", &body));
+    let end = drift(&scene, "mk4", period / steps as f64, &at(swing, 0.0), 10 * steps);
     let late = end.qd[0] / (swing * (TAU / period).powi(2));
     assert!((end.q[0] - swing).abs() < 1e-9 && late.abs() < 1e-7 * period, "{} {late:e}", end.q[0]);
 }

@@ -2,28 +2,21 @@
 
 use nalgebra::{Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Simulator};
-use uvms_gym::description::{Friction, Scene};
+use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
 use super::joints::Sway;
-use super::simulator;
-use crate::cases::{dry, for_bodies, lossless};
+use crate::cases::{lossless, simulator_at, vacuum};
 use crate::random_scene::Random;
 
 /// The 11-DoF system without gravity and drag, in vacuum or in still water, and a start with momentum of both kinds.
 fn floating(water: bool) -> (Scene, State) {
-    let mut scene = lossless(&Scene::shipped("petasus-pum").unwrap());
-    if !water {
-        scene.water.density = 0.0;
-        for_bodies(&mut scene, |body| *body = dry(body));
-    }
-    for link in &mut scene.arm.as_mut().unwrap().links {
-        link.joint.friction = Friction::default();
-        // Soft servos that overshoot; without its added mass the arm needs less gain for as much motion.
-        if let Some(servo) = &mut link.joint.servo {
-            let share = if water { 1.0 } else { 0.8 };
-            (servo.kp, servo.kd) = (0.006 * share * servo.kp, 0.04 * share * servo.kd);
-        }
+    let petasus = Scene::shipped("petasus-pum").unwrap();
+    let mut scene = if water { lossless(&petasus) } else { vacuum(&petasus) };
+    // Soft servos that overshoot; without its added mass the arm needs less gain for as much motion.
+    let share = if water { 1.0 } else { 0.8 };
+    for servo in scene.joints_mut().filter_map(|joint| joint.servo.as_mut()) {
+        (servo.kp, servo.kd) = (0.006 * share * servo.kp, 0.04 * share * servo.kd);
     }
     let mut state = State {
         position: Vector3::new(0.3, 1.0, -0.6),
@@ -48,7 +41,7 @@ impl Run {
     fn new(water: bool, h: f64, seconds: usize) -> Self {
         let (scene, state) = floating(water);
         let sway = Sway::about(scene.home(), 5);
-        let mut simulator = simulator(&scene, "mk4", h, &state);
+        let mut simulator = simulator_at(&scene, "mk4", h, &state);
         let books = |simulator: &Simulator| {
             let momentum = simulator.closed_form(0, |form| form.momentum());
             if water { (momentum.total(), momentum.total_scale) } else { (momentum.rigid, momentum.rigid_scale) }

@@ -1,31 +1,12 @@
 //! Observed orders of convergence on the tumbling 11-DoF system, every pair printed.
 
-use nalgebra::{Matrix6, Vector6};
-use uvms_gym::description::{Friction, Scene};
+use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use super::{distance, drift};
-use crate::cases::for_bodies;
-use crate::random_scene::Random;
+use crate::cases::{distance, drift, tumbling};
 
 /// Simulated time, s.
 const TIME: f64 = 2.0;
-
-/// The scene with added mass, restoring forces and drag, arm swinging free of friction and end stops, which have kinks.
-pub fn tumbling(quadratic: bool) -> (Scene, State) {
-    let mut scene = Scene::shipped("petasus-pum").unwrap();
-    if !quadratic {
-        for_bodies(&mut scene, |body| body.damping.quadratic = Matrix6::zeros());
-    }
-    for link in &mut scene.arm.as_mut().unwrap().links {
-        link.joint.limits = None;
-        link.joint.friction = Friction::default();
-    }
-    let mut state = State { rotation: Random::new(1).rotation(), q: scene.home(), ..State::default() };
-    state.twist = Vector6::new(0.4, -0.3, 0.2, 0.9, -0.7, 0.8);
-    state.qd[..5].copy_from_slice(&[0.5, -0.4, 0.6, -0.5, 0.4]);
-    (scene, state)
-}
 
 /// A motion and where it ends, from a much smaller step.
 struct Study {

@@ -1,15 +1,14 @@
 //! Prescribed joints over whole motions.
 
 use nalgebra::{DVector, Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::{Inputs, Precision, Simulator};
 use uvms_gym::description::{JointServo, Scene};
 use uvms_gym::dynamics::Loads;
 use uvms_gym::integrate::Integrator;
 use uvms_gym::system::{Factors, State};
 
 use super::joints::Sway;
-use super::{distance, simulator};
-use crate::cases::lossless;
+use crate::cases::{self, batch, distance, lossless, orders, simulator_at, slope};
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
 /// Joints of the arm of petasus-pum that are prescribed; the others have their servos.
@@ -32,7 +31,7 @@ fn motion(scene: &Scene) -> (Sway, State) {
 /// The state after `seconds` of the motion.
 fn after(scene: &Scene, integrator: &str, steps: usize, seconds: usize) -> State {
     let (sway, state) = motion(scene);
-    let mut simulator = simulator(scene, integrator, 1.0 / steps as f64, &state);
+    let mut simulator = simulator_at(scene, integrator, 1.0 / steps as f64, &state);
     for second in 0..seconds {
         let target = sway.target(second as f64);
         simulator.step(&Inputs { joint_target: Some(&target), ..Inputs::default() }, steps).unwrap();
@@ -62,7 +61,7 @@ fn integrators_keep_their_order_with_prescribed_joints() {
     let exact = after(&scene, "mk4", 2048, 1);
     for (integrator, order) in [("mk2", 2.0), ("mk3", 3.0), ("mk4", 4.0), ("ros2", 2.0)] {
         let errors = [64, 128].map(|steps| distance(&exact, &after(&scene, integrator, steps, 1)));
-        let observed = (errors[0] / errors[1]).log2();
+        let observed = orders(&errors)[0];
         println!("{integrator}: {errors:?}, order {observed:.2}");
         assert!(observed > order - 0.2, "{integrator}: {observed}");
     }
@@ -93,7 +92,7 @@ fn drives_of_prescribed_joints_leave_the_momentum() {
     scene.water.gravity = Vector3::zeros();
     scene.water.density = 0.0;
     let (sway, state) = motion(&scene);
-    let mut simulator = simulator(&scene, "mk4", 1.0 / 256.0, &state);
+    let mut simulator = simulator_at(&scene, "mk4", 1.0 / 256.0, &state);
     let momentum = |simulator: &Simulator| simulator.closed_form(0, |form| form.momentum().total());
     let twist = simulator.state(0).twist;
     // A cubic meets its neighbours with their rates, so no joint is struck between calls.
@@ -121,10 +120,7 @@ fn hybrid_dynamics_agree_between_the_forms() {
         if scene.joints().all(|joint| !joint.prescribed) {
             continue;
         }
-        let mut state = random_state(seed, &scene);
-        if scene.vehicle.fixed {
-            state.twist = Vector6::zeros();
-        }
+        let state = random_state(seed, &scene);
         let target: Vec<f64> = (0..n)
             .flat_map(|k| [state.q[k], state.qd[k], random.between(-2.0, 2.0), random.between(-2.0, 2.0)])
             .collect();
@@ -132,7 +128,7 @@ fn hybrid_dynamics_agree_between_the_forms() {
             scene.joints().map(|joint| if joint.prescribed { 0.0 } else { random.between(-1.0, 1.0) }).collect();
         // Servos of the other joints have their targets met.
         let inputs = Inputs { joint_target: Some(&target), joint_torque: Some(&torque), ..Inputs::default() };
-        let mut simulator = simulator(&scene, "mk4", 0.01, &state);
+        let mut simulator = simulator_at(&scene, "mk4", 0.01, &state);
         let articulated = DVector::from_vec(simulator.forward_dynamics(&inputs).unwrap());
         let applied = &simulator.applied_loads(&inputs).unwrap()[0];
         simulator.closed_form(0, |form| {
@@ -176,24 +172,18 @@ fn prescribed_joints_give_the_same_bits_in_all_lanes() {
         ("ros2", Precision::Single, true),
         ("rk4-normalise", Precision::Double, false),
     ] {
-        let new = |instances| {
-            let options =
-                SimulatorOptions { instances, precision, integrator: integrator.into(), ..SimulatorOptions::default() };
-            Simulator::new(scene.clone(), options).unwrap()
-        };
-        let mut batch = new(n);
-        if varied {
-            batch.set_factors(&(0..n).map(own).collect::<Vec<_>>()).unwrap();
-        }
-        let targets: Vec<f64> = (0..n).flat_map(target).collect();
-        batch.step(&Inputs { joint_target: Some(&targets), ..Inputs::default() }, 20).unwrap();
-        for i in 0..n {
-            let mut single = new(1);
+        let run = |ids: std::ops::Range<usize>| {
+            let mut simulator = batch(&scene, integrator, 0.01, precision, ids.len());
             if varied {
-                single.set_factors(&[own(i)]).unwrap();
+                simulator.set_factors(&ids.clone().map(own).collect::<Vec<_>>()).unwrap();
             }
-            single.step(&Inputs { joint_target: Some(&target(i)), ..Inputs::default() }, 20).unwrap();
-            assert_eq!(single.state(0), batch.state(i), "{integrator}, {precision:?}, instance {i}");
+            let targets: Vec<f64> = ids.flat_map(target).collect();
+            simulator.step(&Inputs { joint_target: Some(&targets), ..Inputs::default() }, 20).unwrap();
+            simulator
+        };
+        let together = run(0..n);
+        for i in 0..n {
+            assert_eq!(run(i..i + 1).state(0), together.state(i), "{integrator}, {precision:?}, instance {i}");
         }
     }
 }
@@ -203,9 +193,9 @@ fn prescribed_joints_give_the_same_bits_in_all_lanes() {
 fn a_drive_that_moves_a_joint_as_it_would_move_freely_has_no_torque() {
     let free = arm(&[]);
     let (_, state) = motion(&free);
-    let simulator = simulator(&arm(&[1]), "mk4", 0.01, &state);
+    let simulator = simulator_at(&arm(&[1]), "mk4", 0.01, &state);
     let accelerations = simulator.closed_form(0, |form| form.accelerations(&Loads::default())).unwrap();
-    let free = self::simulator(&free, "mk4", 0.01, &state);
+    let free = simulator_at(&free, "mk4", 0.01, &state);
     let acceleration = free.closed_form(0, |form| form.accelerations(&Loads::default())).unwrap();
     let mut target = [0.0; 20];
     target[4 + 2] = acceleration[7] / 2.0;
@@ -223,23 +213,15 @@ fn a_drive_that_moves_a_joint_as_it_would_move_freely_has_no_torque() {
 fn linearization_keeps_the_accelerations_of_prescribed_joints() {
     let scene = arm(&PRESCRIBED);
     let (sway, state) = motion(&scene);
-    let simulator = simulator(&scene, "mk4", 0.01, &state);
+    let simulator = simulator_at(&scene, "mk4", 0.01, &state);
     let target = sway.target(0.0);
     let inputs = Inputs { joint_target: Some(&target), ..Inputs::default() };
     let linear = simulator.linearize(&inputs, 0).unwrap();
     let mut servoless = scene.clone();
     servoless.joints_mut().for_each(|joint| joint.servo = None);
-    let options = SimulatorOptions::default();
-    let mut bare = Simulator::new(servoless, options).unwrap();
-    let step = 1e-6;
+    let mut bare = cases::simulator(&servoless, "mk4", 0.01);
     for k in [0, 1, 2, 3, 4] {
-        let mut at = |offset: f64| {
-            let mut moved = state.clone();
-            moved.q[k] += offset;
-            bare.set_state(0, &moved);
-            DVector::from_vec(bare.forward_dynamics(&inputs).unwrap())
-        };
-        let numeric = (at(step) - at(-step)) / (2.0 * step);
+        let numeric = slope(&mut bare, &state, &inputs, 6 + k);
         let exact = linear.a.view((11, 6 + k), (11, 1)).column(0).into_owned();
         assert!((&numeric - &exact).norm() < 1e-5 * exact.norm().max(1.0), "joint {k}: {numeric} {exact}");
         assert!(PRESCRIBED.iter().all(|&p| exact[6 + p] == 0.0));

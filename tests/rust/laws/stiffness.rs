@@ -1,22 +1,17 @@
 //! The run-time estimate of `h |lambda|`: right for single modes, loud where a step is too long, silent otherwise.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use super::simulator;
+use crate::cases::{self, PRECISIONS, batch, simulator_at, with_gains};
 use crate::random_scene::Random;
 
 const SEVERAL: [&str; 2] = ["mk4", "mk3"];
 
-/// A body of 10 kg alone in water without gravity.
 fn body() -> Scene {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.water.density = 1000.0;
-    scene.vehicle.body.mass = 10.0;
-    scene.vehicle.body.volume = Some(0.01);
-    scene
+    cases::body(|body| body.volume = Some(0.01))
 }
 
 #[test]
@@ -26,7 +21,7 @@ fn val_real_mode_shows_its_rate() {
         scene.vehicle.body.damping.linear = Matrix6::identity() * (10.0 * rate);
         for integrator in SEVERAL.into_iter().chain(["mk2"]) {
             let state = State { twist: Vector6::new(0.3, 0.0, 0.0, 0.0, 0.0, 0.0), ..State::default() };
-            let mut simulator = simulator(&scene, integrator, 0.1, &state);
+            let mut simulator = simulator_at(&scene, integrator, 0.1, &state);
             assert_eq!(simulator.stiffness(0), 0.0);
             simulator.step(&Inputs::default(), 8).unwrap();
             let seen = simulator.stiffness(0);
@@ -49,7 +44,7 @@ fn val_oscillation_shows_its_frequency() {
             if integrator == "mk3" && omega > 17.0 {
                 continue;
             }
-            let mut simulator = simulator(&scene, integrator, 0.1, &State { rotation, ..State::default() });
+            let mut simulator = simulator_at(&scene, integrator, 0.1, &State { rotation, ..State::default() });
             simulator.step(&Inputs::default(), 100).unwrap();
             let seen = simulator.stiffness(0);
             println!("{integrator}: h omega = {:.2}, seen {seen:.4}", 0.1 * omega);
@@ -64,18 +59,13 @@ fn val_oscillation_shows_its_frequency() {
 /// whether they diverge or stay finite.
 #[test]
 fn a_step_too_long_is_seen() {
-    let mut scene = Scene::shipped("petasus-pum").unwrap();
-    for link in &mut scene.arm.as_mut().unwrap().links {
-        let servo = link.joint.servo.as_mut().unwrap();
-        (servo.kp, servo.kd) = (100.0 * servo.kp, 100.0 * servo.kd);
-        link.joint.effort = None;
-    }
+    let mut scene = with_gains("petasus-pum", 100.0);
+    scene.joints_mut().for_each(|joint| joint.effort = None);
     let home = scene.home();
     let target: Vec<f64> = home[..5].iter().map(|q| q + 0.05).collect();
-    for precision in [Precision::Double, Precision::Single] {
+    for precision in PRECISIONS {
         for integrator in ["mk4", "mk3", "mk2"] {
-            let options = SimulatorOptions { integrator: integrator.into(), precision, ..SimulatorOptions::default() };
-            let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+            let mut simulator = batch(&scene, integrator, 0.01, precision, 1);
             let mut maximum = 0.0_f64;
             for _ in 0..50 {
                 simulator.step(&Inputs { joint_target: Some(&target), ..Inputs::default() }, 1).unwrap();
@@ -93,11 +83,9 @@ fn motion_of_the_shipped_scenes_is_slow_for_their_step() {
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
         let thrusters = scene.vehicle.thrusters.len();
-        for precision in [Precision::Double, Precision::Single] {
+        for precision in PRECISIONS {
             let mut random = Random::new(7);
-            let options =
-                SimulatorOptions { instances: 16, precision, threads: Some(1), ..SimulatorOptions::default() };
-            let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+            let mut simulator = batch(&scene, "mk4", 0.01, precision, 16);
             let mut maximum = 0.0_f64;
             for _ in 0..40 {
                 let thrust: Vec<f64> = (0..16 * thrusters).map(|_| random.between(-20.0, 20.0)).collect();
@@ -116,9 +104,8 @@ fn noise_of_rounding_is_no_motion() {
     for name in Scene::shipped_names() {
         let mut scene = Scene::shipped(name).unwrap();
         scene.water.current = Vector3::new(0.3, -0.2, 0.1);
-        for precision in [Precision::Double, Precision::Single] {
-            let options = SimulatorOptions { precision, ..SimulatorOptions::default() };
-            let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+        for precision in PRECISIONS {
+            let mut simulator = batch(&scene, "mk4", 0.01, precision, 1);
             // Long enough to come to rest, by the water or by the servos.
             let target = scene.home()[..scene.joints().count()].to_vec();
             let servo = scene.joints().any(|joint| joint.servo.is_some());
@@ -144,13 +131,13 @@ fn val_error_of_a_decaying_motion_is_that_of_its_steps() {
         scene.vehicle.body.damping.linear = Matrix6::identity() * (10.0 * z / 0.1);
         let state = State { twist: Vector6::ith(0, 0.3), ..State::default() };
         for (integrator, share) in [("mk4", z.powi(5) / 120.0), ("mk3", z.powi(4) / 24.0), ("mk2", z.powi(3) / 6.0)] {
-            let mut simulator = simulator(&scene, integrator, 0.1, &state);
+            let mut simulator = simulator_at(&scene, integrator, 0.1, &state);
             simulator.step(&Inputs::default(), 1).unwrap();
             let expected = share * f64::exp(z);
             let seen = simulator.step_error(0);
             assert!((seen / expected - 1.0).abs() < 0.1 * z + 0.02, "{integrator} at {z}: {seen:e}, {expected:e}");
         }
-        let mut implicit = simulator(&scene, "ros2", 0.1, &state);
+        let mut implicit = simulator_at(&scene, "ros2", 0.1, &state);
         implicit.step(&Inputs::default(), 1).unwrap();
         let wrong = (implicit.state(0).twist[0] / 0.3 - f64::exp(-z)).abs() * f64::exp(z);
         let seen = implicit.step_error(0);
@@ -163,7 +150,7 @@ fn straight_flight_of_a_body_that_spins_counts_as_wrong_and_a_steady_spin_does_n
     let scene = body();
     let (theta, h, steps) = (0.5, 0.01, 20);
     let after = |twist: Vector6<f64>, integrator: &str| {
-        let mut simulator = simulator(&scene, integrator, h, &State { twist, ..State::default() });
+        let mut simulator = simulator_at(&scene, integrator, h, &State { twist, ..State::default() });
         simulator.step(&Inputs::default(), steps).unwrap();
         simulator.step_error(0)
     };
@@ -183,7 +170,7 @@ fn straight_flight_of_a_body_that_spins_counts_as_wrong_and_a_steady_spin_does_n
 fn start_from_rest_under_a_steady_push_is_right() {
     let scene = body();
     for integrator in ["mk4", "mk3", "mk2", "ros2"] {
-        let mut simulator = simulator(&scene, integrator, 0.1, &State::default());
+        let mut simulator = simulator_at(&scene, integrator, 0.1, &State::default());
         for _ in 0..20 {
             simulator.step(&Inputs { wrench: Some(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..Inputs::default() }, 1).unwrap();
             assert!(simulator.step_error(0) < 1e-12, "{integrator}: {:e}", simulator.step_error(0));

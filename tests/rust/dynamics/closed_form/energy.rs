@@ -6,7 +6,7 @@ use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, Loads, relative_to_water};
 use uvms_gym::system::State;
 
 use super::motion::advance;
-use crate::cases::{Push, current, dry, for_bodies, lossless, scene, scenes, velocities};
+use crate::cases::{RandomLoads, current, lossless, scene, scenes, vacuum, velocities};
 use crate::random_scene::random_state;
 
 const H: f64 = 1e-5;
@@ -30,10 +30,10 @@ fn energy_changes_by_the_powers_put_in() {
             scene.vehicle.fixed = held;
             let model = ClosedFormModel::new(&scene).unwrap();
             let state = random_state(seed, &scene);
-            let push = Push::new(seed, &scene);
+            let random = RandomLoads::new(seed, &scene);
             let form = model.at(&state, Vector3::zeros());
-            let accelerations = form.accelerations(&push.loads()).unwrap();
-            let power = form.power(&push.loads()).unwrap();
+            let accelerations = form.accelerations(&random.loads()).unwrap();
+            let power = form.power(&random.loads()).unwrap();
             let energy = rate(&model, &state, &accelerations, |form| Vector1::new(form.energy().total()));
             let parts =
                 [power.damping, power.friction, power.end_stop, power.thrust, power.external, power.joint_command];
@@ -52,15 +52,15 @@ fn energy_balances_in_a_current_for_an_observer_who_drifts_with_it() {
     for (seed, scene) in scenes() {
         let model = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
-        let push = Push::new(seed, &scene);
-        let accelerations = model.at(&state, current()).accelerations(&push.loads()).unwrap();
+        let random = RandomLoads::new(seed, &scene);
+        let accelerations = model.at(&state, current()).accelerations(&random.loads()).unwrap();
         let energy = |dt| {
             let seen = relative_to_water(&advance(&state, &accelerations, dt), &current());
             model.at(&seen, Vector3::zeros()).energy().total()
         };
         let rate = (energy(H) - energy(-H)) / (2.0 * H);
         let still = model.at(&relative_to_water(&state, &current()), Vector3::zeros());
-        let power = still.power(&push.loads()).unwrap().total();
+        let power = still.power(&random.loads()).unwrap().total();
         assert!((rate - power).abs() < 1e-7 * power.abs().max(100.0), "{seed}: {rate} {power}");
     }
 }
@@ -81,9 +81,7 @@ fn kinetic_energy_is_half_the_mass_matrix_form() {
 #[test]
 fn momentum_is_conserved_without_water() {
     for (seed, scene) in scenes() {
-        let mut scene = lossless(&scene);
-        for_bodies(&mut scene, |body| *body = dry(body));
-        conserves(seed, &scene, |form| form.momentum().rigid, |form| form.momentum().rigid_scale);
+        conserves(seed, &vacuum(&scene), |form| form.momentum().rigid, |form| form.momentum().rigid_scale);
     }
 }
 
@@ -104,9 +102,9 @@ fn conserves(
 ) {
     let model = ClosedFormModel::new(scene).unwrap();
     let state = random_state(seed, scene);
-    let push = Push::new(seed, scene);
+    let random = RandomLoads::new(seed, scene);
     let form = model.at(&state, Vector3::zeros());
-    let loads = Loads { joint_command: &push.joint_command, ..Loads::default() };
+    let loads = Loads { joint_command: &random.joint_command, ..Loads::default() };
     let accelerations = form.accelerations(&loads).unwrap();
     let drift = rate(&model, &state, &accelerations, &momentum);
     let total = momentum(&form);
@@ -122,13 +120,13 @@ fn momentum_changes_by_the_wrench_about_the_world_origin() {
     let scene = lossless(&scene(true));
     let model = ClosedFormModel::new(&scene).unwrap();
     let state = random_state(6, &scene);
-    let push = Push::new(6, &scene);
+    let random = RandomLoads::new(6, &scene);
     let form = model.at(&state, Vector3::zeros());
-    let loads = Loads { thrust: &[], ..push.loads() };
+    let loads = Loads { thrust: &[], ..random.loads() };
     let accelerations = form.accelerations(&loads).unwrap();
     let drift = rate(&model, &state, &accelerations, |form| form.momentum().total());
     let wrench: Vector6<f64> =
-        form.body_poses().iter().zip(&push.external).map(|(pose, wrench)| pose.wrench_to_parent(wrench)).sum();
+        form.body_poses().iter().zip(&random.external).map(|(pose, wrench)| pose.wrench_to_parent(wrench)).sum();
     assert!((drift - wrench).norm() < 1e-7 * wrench.norm());
 }
 

@@ -1,11 +1,11 @@
 //! Fossen's form: `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`.
 
-use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, FossenForm, Loads, relative_to_water};
 use uvms_gym::system::{Flow, State};
 
-use crate::cases::{Push, current, lossless, scenes, velocities};
+use crate::cases::{RandomLoads, current, lossless, moved, scenes, velocities};
 use crate::random_scene::{Options, random_scene, random_state};
 
 /// Random scenes on a free vehicle, one on a fixed vehicle, and the shipped scenes.
@@ -33,16 +33,16 @@ fn val_fossens_form_holds_for_the_accelerations() {
     ];
     for (seed, scene) in all_scenes() {
         let (model, state) = (ClosedFormModel::new(&scene).unwrap(), random_state(seed, &scene));
-        let push = Push::new(seed, &scene);
+        let random = RandomLoads::new(seed, &scene);
         for flow in flows {
             let form = model.at(&state, flow);
-            let mut rate = form.accelerations(&push.loads()).unwrap();
+            let mut rate = form.accelerations(&random.loads()).unwrap();
             let in_body = |v: &Vector3<f64>| state.rotation.tr_mul(v);
             let turning = state.twist.fixed_rows::<3>(3).cross(&in_body(&flow.velocity));
             let mut linear = rate.fixed_rows_mut::<3>(0);
             linear += turning - in_body(&flow.acceleration);
             let FossenForm { mass_matrix, coriolis, damping, restoring, .. } = form.fossen_form(None).unwrap();
-            let terms = [&mass_matrix * &rate, coriolis, damping, restoring, -tau(&form, &push.loads())];
+            let terms = [&mass_matrix * &rate, coriolis, damping, restoring, -tau(&form, &random.loads())];
             let first = if scene.vehicle.fixed { 6 } else { 0 };
             let rows = |x: &DVector<f64>| x.rows(first, x.len() - first).into_owned();
             let residual = terms.iter().map(rows).sum::<DVector<f64>>().norm();
@@ -91,13 +91,7 @@ fn val_restoring_is_the_gradient_of_the_potential_energy() {
     for (seed, scene) in all_scenes() {
         let (model, state) = (ClosedFormModel::new(&scene).unwrap(), random_state(seed, &scene));
         let potential = |k: usize, h: f64| {
-            let mut moved = state.clone();
-            match k {
-                0..3 => moved.position += state.rotation.column(k) * h,
-                3..6 => moved.rotation *= Rotation3::from_scaled_axis(Vector3::ith(k - 3, h)).into_inner(),
-                _ => moved.q[k - 6] += h,
-            }
-            let energy = model.at(&moved, Vector3::zeros()).energy();
+            let energy = model.at(&moved(&state, scene.joints().count(), k, h), Vector3::zeros()).energy();
             energy.potential + energy.elastic
         };
         let g = model.at(&state, current()).fossen_form(None).unwrap().restoring;

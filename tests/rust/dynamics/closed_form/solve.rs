@@ -7,7 +7,7 @@ use uvms_gym::error::DynamicsError;
 use uvms_gym::system::State;
 
 use super::relative;
-use crate::cases::{Push, current, dry, scene, scenes};
+use crate::cases::{RandomLoads, current, dry, scene, scenes};
 use crate::random_scene::random_state;
 
 /// A slender dry link along x with its joint about `axis` at `x`.
@@ -100,18 +100,18 @@ fn inverse_dynamics_undoes_forward_dynamics() {
     for (seed, scene) in scenes() {
         let model = ClosedFormModel::new(&scene).unwrap();
         let form = model.at(&random_state(seed, &scene), current());
-        let push = Push::new(seed, &scene);
-        let loads = push.loads();
+        let random = RandomLoads::new(seed, &scene);
+        let loads = random.loads();
         let acceleration = form.accelerations(&loads).unwrap();
         let residual = form.residual(&acceleration, &loads).unwrap();
         assert!(residual.norm < 1e-14 * residual.scale);
 
-        let mut passive = push.external.clone();
+        let mut passive = random.external.clone();
         passive[0] = Vector6::zeros();
         let effort = form.inverse_dynamics(&acceleration, &Loads { external: &passive, ..Loads::default() }).unwrap();
-        let wrench = push.external[0] + form.body_wrenches(&loads).unwrap().thrust;
+        let wrench = random.external[0] + form.body_wrenches(&loads).unwrap().thrust;
         assert!((effort.wrench - wrench).norm() < 1e-11 * wrench.norm());
-        assert!((effort.joint_torques - DVector::from_vec(push.joint_command)).norm() < 1e-10);
+        assert!((effort.joint_torques - DVector::from_vec(random.joint_command)).norm() < 1e-10);
     }
 }
 

@@ -1,12 +1,13 @@
-//! Water: Fossen's form, Munk's moment, currents.
+//! Water: Fossen's form, currents, frames of coefficients.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Payload, Scene};
-use uvms_gym::dynamics::{ClosedFormModel, Loads, relative_to_water};
+use uvms_gym::dynamics::dense::{angular, blocks, linear, stack};
+use uvms_gym::dynamics::{ClosedFormModel, relative_to_water};
 use uvms_gym::system::State;
 
 use super::relative;
-use crate::cases::{Push, current, dry, scenes, vector6, vehicle_alone};
+use crate::cases::{RandomLoads, current, dry, scenes, vehicle_alone};
 use crate::random_scene::random_state;
 
 /// A vehicle alone whose coefficients hold at its body frame.
@@ -16,13 +17,9 @@ fn aligned_vehicle() -> Scene {
     scene
 }
 
-/// S(a) b = a x b, written out. [F21 definition 2.2]
+/// `S(a) b = a x b`. [F21 definition 2.2]
 fn s(a: Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
-}
-
-fn from_blocks(a: Matrix3<f64>, b: Matrix3<f64>, c: Matrix3<f64>, d: Matrix3<f64>) -> Matrix6<f64> {
-    Matrix6::from_fn(|i, j| [[a, b], [c, d]][i / 3][j / 3][(i % 3, j % 3)])
+    a.cross_matrix()
 }
 
 /// M_RB nu' + C_RB(nu) nu + M_A nu_r' + C_A(nu_r) nu_r = tau + D-terms + g-terms, in Fossen's parametrisations.
@@ -33,23 +30,16 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
     let state = random_state(0, &scene);
     let (m, rg, ib) = (body.mass, body.center_of_mass, body.inertia_about_com());
     let io = ib - s(rg) * s(rg) * m;
-    let (v1, v2) = (state.twist.fixed_rows::<3>(0).into_owned(), state.twist.fixed_rows::<3>(3).into_owned());
-    let m_rb = from_blocks(Matrix3::identity() * m, s(rg) * -m, s(rg) * m, io);
+    let (v1, v2) = (linear(&state.twist), angular(&state.twist));
+    let m_rb = blocks(Matrix3::identity() * m, s(rg) * -m, s(rg) * m, io);
     // C_RB in the Lagrangian parametrisation. [F21 section 3.3]
     let upper = -s(v1) * m - s(s(v2) * rg) * m;
-    let c_rb = from_blocks(Matrix3::zeros(), upper, upper, s(s(v1) * rg) * m - s(io * v2));
+    let c_rb = blocks(Matrix3::zeros(), upper, upper, s(s(v1) * rg) * m - s(io * v2));
     // C_A from the hydrodynamic derivatives X_udot, ... = -M_A. [F21 section 6.3]
     let m_a = body.added_mass;
-    let relative = |water: Vector3<f64>| {
-        let mut nu_r = state.twist;
-        for i in 0..3 {
-            nu_r[i] -= water[i];
-        }
-        nu_r
-    };
     for v_c in [Vector3::zeros(), current()] {
         let water = state.rotation.transpose() * v_c;
-        let nu_r = relative(water);
+        let nu_r = state.twist - stack(&water, &Vector3::zeros());
         let d = -m_a * nu_r;
         let (a1, a2, a3, b1, b2, b3) = (d[0], d[1], d[2], d[3], d[4], d[5]);
         #[rustfmt::skip]
@@ -62,8 +52,7 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
             -a2, a1, 0.0, -b2, b1, 0.0,
         );
         // nu_r' = nu' - [-S(nu_2) v_c; 0]. [F21 section 10.3]
-        let turning = s(v2) * water;
-        let turning = Vector6::new(turning.x, turning.y, turning.z, 0.0, 0.0, 0.0);
+        let turning = stack(&(s(v2) * water), &Vector3::zeros());
         let bias = c_rb * state.twist + m_a * turning + c_a * nu_r;
 
         let model = ClosedFormModel::new(&scene).unwrap();
@@ -76,8 +65,7 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
         let gravity = state.rotation.transpose() * scene.water.gravity;
         let (weight, buoyancy) = (gravity * m, -gravity * scene.water.density * body.displaced_volume(&scene.water));
         let moment = s(rg) * weight + s(body.center_of_buoyancy) * buoyancy;
-        let force = weight + buoyancy;
-        let restoring = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+        let restoring = stack(&(weight + buoyancy), &moment);
         assert!((form.restoring()[0] - restoring).norm() < 1e-13 * restoring.norm());
     }
 }
@@ -86,66 +74,13 @@ fn dynamic(m: &Matrix6<f64>) -> DMatrix<f64> {
     DMatrix::from_column_slice(6, 6, m.as_slice())
 }
 
-/// Munk: N = -(m_Ay - m_Ax) u v, which turns a slender body broadside on.
-#[test]
-fn val_munk_moment_turns_a_slender_body_broadside() {
-    let mut scene = aligned_vehicle();
-    let (m_x, m_y) = (3.0, 25.0);
-    scene.vehicle.body = Body {
-        center_of_mass: Vector3::zeros(),
-        added_mass: Matrix6::from_diagonal(&Vector6::new(m_x, m_y, 20.0, 0.1, 1.0, 1.0)),
-        inertia: Matrix3::identity(),
-        inertia_at: InertiaPoint::Com,
-        ..scene.vehicle.body
-    };
-    let (u, v) = (1.2, 0.3);
-    let model = ClosedFormModel::new(&scene).unwrap();
-    // Moving through still water, and held in water that moves the other way: the same moment.
-    let moving = State { twist: Vector6::new(u, v, 0.0, 0.0, 0.0, 0.0), ..State::default() };
-    for form in [model.at(&moving, Vector3::zeros()), model.at(&State::default(), Vector3::new(-u, -v, 0.0))] {
-        let moment = -form.bias()[5];
-        assert!((moment + (m_y - m_x) * u * v).abs() < 1e-14);
-        assert!(form.bias().rows(0, 5).norm() < 1e-14);
-    }
-}
-
-#[test]
-fn body_that_drifts_with_the_current_has_no_water_forces() {
-    // Anisotropic added mass, spinning about all axes: every force of the water, added mass and drag, is in what the
-    // dry body does not do.
-    let mut wet = aligned_vehicle();
-    wet.water.gravity = Vector3::zeros();
-    wet.vehicle.forward_damping = None;
-    let body = &mut wet.vehicle.body;
-    body.buoyancy = None;
-    body.damping.quadratic.fixed_columns_mut::<3>(3).fill(0.0);
-    body.damping.linear.fixed_columns_mut::<3>(3).fill(0.0);
-    // A body with its mass centred and inertia balanced spins on without moments of its own.
-    body.center_of_mass = Vector3::zeros();
-    (body.inertia, body.inertia_at) = (Matrix3::identity(), InertiaPoint::Com);
-    body.added_mass = Matrix6::from_diagonal(&Vector6::new(3.0, 25.0, 11.0, 2.0, 2.0, 2.0));
-    let rotation = random_state(0, &wet).rotation;
-    let water = rotation.transpose() * current();
-    let mut twist = vector6(3);
-    twist.fixed_rows_mut::<3>(0).copy_from(&water);
-    let state = State { rotation, twist, ..State::default() };
-    let model = ClosedFormModel::new(&wet).unwrap();
-    let form = model.at(&state, current());
-    assert!(form.damping()[0].norm() < 1e-13);
-    let acceleration = form.accelerations(&Loads::default()).unwrap();
-    // The world velocity and the spin are constant: v' + omega x v = 0.
-    let (v, omega) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
-    assert!((acceleration.fixed_rows::<3>(0) + omega.cross(&v)).norm() < 1e-14);
-    assert!(acceleration.fixed_rows::<3>(3).norm() < 1e-14);
-}
-
 #[test]
 fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
     for (seed, scene) in scenes() {
         let state = random_state(seed, &scene);
         let model = ClosedFormModel::new(&scene).unwrap();
-        let push = Push::new(seed, &scene);
-        let loads = push.loads();
+        let random = RandomLoads::new(seed, &scene);
+        let loads = random.loads();
         let flowing = model.at(&state, current()).accelerations(&loads).unwrap();
         let still = model.at(&relative_to_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
         // V_r' = V' + [omega x R^T v_c; 0]; the joints do not care who looks.

@@ -10,6 +10,7 @@ use uvms_gym::lane::Shared;
 use uvms_gym::lie;
 use uvms_gym::system::{JOINTS, State, System, compile};
 
+use crate::cases::for_bodies;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
 /// Scene, state and loads of a comparison.
@@ -28,12 +29,7 @@ impl Case {
         let mut scene = random_scene(seed, Options { current: Some(false), ..Options::default() });
         if !gravity {
             scene.water.gravity = Vector3::zeros();
-            let arm = scene.arm.iter_mut();
-            let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body)));
-            let payload = scene.payload.iter_mut().map(|payload| &mut payload.body);
-            for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(payload) {
-                body.buoyancy = None;
-            }
+            for_bodies(&mut scene, |body| body.buoyancy = None);
         }
         let state = random_state(seed, &scene);
         let mut random = Random::new(seed ^ 0xA11);

@@ -4,14 +4,14 @@ use uvms_gym::batch::{Inputs, Precision};
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use super::{distance, simulator};
+use crate::cases::{batch, distance};
 use crate::random_scene::Random;
 
 /// Driven motion: station keeping, joints servoed to a target that moves, random bounded thrust held for 1 s each; states at the end of each
 /// of 100 s.
 fn driven(scene: &Scene, integrator: &str, dt: f64, precision: Precision) -> Vec<State> {
-    let home = State { q: scene.home(), ..State::default() };
-    let mut simulator = simulator(scene, integrator, dt, precision, &home);
+    let mut simulator = batch(scene, integrator, dt, precision, 1);
+    simulator.set_state(0, &State { q: scene.home(), ..State::default() });
     let mut random = Random::new(7);
     let steps = (1.0 / dt).round() as usize;
     let station: Vec<f64> = [0.3, -0.2, 0.1, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].into();
@@ -39,9 +39,16 @@ fn driven(scene: &Scene, integrator: &str, dt: f64, precision: Precision) -> Vec
     states
 }
 
-/// Bars on the median and the maximum error of any coordinate, twist or rate at the ends of 100 s, in SI units. The
-/// maximum belong to joint rates of the Alpha arm, whose modes reach 50 1/s. Nothing holds the REMUS, which wanders off.
-const BARS: [(&str, f64, f64); 7] = [
+/// Errors of states, smallest first.
+fn errors(truth: &[State], states: &[State]) -> Vec<f64> {
+    let mut errors: Vec<f64> = states.iter().zip(truth).map(|(a, b)| distance(a, b)).collect();
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+/// Bounds of the median and the maximum error of any coordinate, twist or rate at the ends of 100 s, in SI units. The
+/// maxima belong to joint rates of the Alpha arm, whose modes reach 50 1/s. Nothing holds the REMUS, which wanders off.
+const BOUNDS: [(&str, f64, f64); 7] = [
     ("petasus-pum", 3e-3, 1e-2),
     ("bluerov2-heavy-alpha5", 1e-2, 0.1),
     ("bluerov2-heavy", 1e-2, 0.05),
@@ -55,15 +62,13 @@ const BARS: [(&str, f64, f64); 7] = [
 fn every_shipped_scene_is_stable_at_a_tenth_of_a_second() {
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
-        let Some((_, median, maximum)) = BARS.iter().find(|bar| bar.0 == name) else { panic!("no bar for {name}") };
+        let Some((_, median, maximum)) = BOUNDS.iter().find(|bar| bar.0 == name) else { panic!("no bound for {name}") };
         // Fine enough for the bars: mk4's error is of order 4.
         let truth = driven(&scene, "mk4", 0.01, Precision::Double);
         for (integrator, precision) in
             [("ros2", Precision::Double), ("ros2", Precision::Single), ("ros3", Precision::Double)]
         {
-            let states = driven(&scene, integrator, 0.1, precision);
-            let mut errors: Vec<f64> = states.iter().zip(&truth).map(|(a, b)| distance(a, b)).collect();
-            errors.sort_by(f64::total_cmp);
+            let errors = errors(&truth, &driven(&scene, integrator, 0.1, precision));
             println!("{name:24} {integrator} {precision:?}: median {:.2e}, maximum {:.2e}", errors[50], errors[99]);
             let bar = |bar: f64| if precision == Precision::Single { bar + 1e-4 } else { bar };
             assert!(errors[50] <= bar(*median) && errors[99] <= bar(*maximum), "{name}");
@@ -77,12 +82,7 @@ fn the_third_order_errs_far_less() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5", "rexrov"] {
         let scene = Scene::shipped(name).unwrap();
         let truth = driven(&scene, "mk4", 0.0025, Precision::Double);
-        let median = |integrator: &str| {
-            let states = driven(&scene, integrator, 0.01, Precision::Double);
-            let mut errors: Vec<f64> = states.iter().zip(&truth).map(|(a, b)| distance(a, b)).collect();
-            errors.sort_by(f64::total_cmp);
-            errors[50]
-        };
+        let median = |integrator| errors(&truth, &driven(&scene, integrator, 0.01, Precision::Double))[50];
         let [second, third] = ["ros2", "ros3"].map(median);
         println!("{name:24} ros2 {second:.1e}, ros3 {third:.1e}, {:.0} times less", second / third);
         assert!(third < second / 30.0, "{name}");
@@ -94,7 +94,7 @@ fn explicit_methods_do_not_survive_that_step_with_an_arm() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let mut scene = Scene::shipped(name).unwrap();
         // Bounded torques would keep the rattling joints finite.
-        scene.arm.as_mut().unwrap().links.iter_mut().for_each(|link| link.joint.effort = None);
+        scene.joints_mut().for_each(|joint| joint.effort = None);
         for integrator in ["mk4", "mk2"] {
             let last = driven(&scene, integrator, 0.1, Precision::Double).pop().unwrap();
             assert!(last.twist.norm().is_nan(), "{name}, {integrator}: {}", last.twist);

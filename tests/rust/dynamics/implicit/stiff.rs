@@ -1,25 +1,23 @@
 //! Stiff cases on which explicit methods fail: steps of 0.1 s against rates of up to 1e6 1/s.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
-use uvms_gym::description::{JointLimits, Scene, VehicleServo};
+use uvms_gym::batch::{Inputs, Precision};
+use uvms_gym::description::{JointLimits, Scene};
 use uvms_gym::system::State;
 
-use super::{distance, run, simulator};
+use crate::cases::{self, PRECISIONS, batch, diagonal, distance, drift, run, simulator_at, with_gains};
 
 const STEP: f64 = 0.1;
 
 /// A body of 10 kg in water without gravity.
 fn body() -> Scene {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    let body = &mut scene.vehicle.body;
-    (body.mass, body.inertia) = (10.0, Matrix3::from_diagonal(&Vector3::new(0.3, 0.4, 0.5)));
-    scene
+    cases::body(|body| body.inertia = Matrix3::from_diagonal(&Vector3::new(0.3, 0.4, 0.5)))
 }
 
 /// States after each of `steps` free steps.
 fn states(scene: &Scene, integrator: &str, precision: Precision, start: &State, steps: usize) -> Vec<State> {
-    let mut simulator = simulator(scene, integrator, STEP, precision, start);
+    let mut simulator = batch(scene, integrator, STEP, precision, 1);
+    simulator.set_state(0, start);
     let step = |_| {
         simulator.step(&Inputs::default(), 1).unwrap();
         simulator.state(0)
@@ -30,10 +28,9 @@ fn states(scene: &Scene, integrator: &str, precision: Precision, start: &State, 
 #[test]
 fn stiff_linear_damping_decays_at_every_step() {
     for rate in [1.0, 1e2, 1e4, 1e6] {
-        for precision in [Precision::Double, Precision::Single] {
+        for precision in PRECISIONS {
             let mut scene = body();
-            scene.vehicle.body.damping.linear =
-                Matrix6::from_diagonal(&Vector6::new(10.0, 10.0, 10.0, 0.3, 0.4, 0.5)) * rate;
+            scene.vehicle.body.damping.linear = diagonal([10.0, 10.0, 10.0, 0.3, 0.4, 0.5]) * rate;
             let start = State { twist: Vector6::new(1.0, -2.0, 0.5, 0.0, 0.0, 1.0), ..State::default() };
             let mut before = start.twist.norm();
             for state in states(&scene, "ros2", precision, &start, 5) {
@@ -68,16 +65,15 @@ fn shipped_vehicles_slow_down_from_50_m_per_s_without_turning_back() {
         if scene.vehicle.body.damping.quadratic[(0, 0)] == 0.0 {
             continue;
         }
-        for precision in [Precision::Double, Precision::Single] {
+        for precision in PRECISIONS {
             let twist = Vector6::new(50.0, 0.0, 0.0, 0.0, 0.0, 0.0);
             let start = State { twist, q: scene.home(), ..State::default() };
-            let mut before = 0.5 * 50.0 * 50.0;
+            let mut speed = 50.0;
             for state in states(&scene, "ros2", precision, &start, 50) {
-                let speed = state.twist.fixed_rows::<3>(0).norm();
+                speed = state.twist.fixed_rows::<3>(0).norm();
                 assert!(speed.is_finite() && state.twist.norm() < 200.0, "{name}: {}", state.twist);
-                before = speed;
             }
-            assert!(before < 5.0, "{name} still at {before} m/s");
+            assert!(speed < 5.0, "{name} still at {speed} m/s");
         }
     }
 }
@@ -88,7 +84,6 @@ fn a_stiff_pendulum_stays_within_its_swing() {
         // Neutral, centre of mass below that of buoyancy; omega^2 = m g d / (I - ...) for small swings.
         let mut scene = body();
         let omega: f64 = ratio / STEP;
-        scene.water.density = 1000.0;
         scene.vehicle.body.volume = Some(0.01);
         scene.vehicle.body.center_of_buoyancy = Vector3::new(0.0, 0.0, 0.2);
         scene.water.gravity = Vector3::new(0.0, 0.0, -omega * omega * 0.3 / (10.0 * 0.2));
@@ -123,19 +118,6 @@ fn lift_beyond_drag_is_no_engine() {
     }
 }
 
-/// The scene with servo gains of joints and vehicle multiplied.
-fn with_gains(name: &str, factor: f64) -> Scene {
-    let mut scene = Scene::shipped(name).unwrap();
-    for link in &mut scene.arm.as_mut().unwrap().links {
-        let servo = link.joint.servo.as_mut().unwrap();
-        (servo.kp, servo.kd) = (servo.kp * factor, servo.kd * factor);
-    }
-    if let Some(VehicleServo { kp, kd }) = &mut scene.vehicle.servo {
-        (*kp, *kd) = (kp.map(|k| k * factor), kd.map(|k| k * factor));
-    }
-    scene
-}
-
 /// Final distance of joints and vehicle from their targets.
 fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
     let start = State { q: scene.home(), ..State::default() };
@@ -162,7 +144,7 @@ fn gains_a_hundred_times_too_high_still_reach_the_target() {
 
 #[test]
 fn a_link_a_millionth_of_the_vehicle_swings_with_friction() {
-    for precision in [Precision::Double, Precision::Single] {
+    for precision in PRECISIONS {
         let mut scene = Scene::shipped("petasus-pum").unwrap();
         let mass = scene.vehicle.body.mass;
         let link = scene.arm.as_mut().unwrap().links.last_mut().unwrap();
@@ -180,7 +162,7 @@ fn a_link_a_millionth_of_the_vehicle_swings_with_friction() {
         assert!(ends.iter().all(|state| state.twist.norm() < 1.0 && state.qd.iter().all(|x| x.abs() < 2.0)));
         assert!(ends[299].qd[4].abs() < 1e-2);
         if precision == Precision::Double {
-            let fine = run(&scene, "ros2", 0.001, &start, &Inputs::default(), 1000);
+            let fine = drift(&scene, "ros2", 0.001, &start, 1000);
             let error = distance(&ends[9], &fine);
             println!("light link: error at 0.1 s after 1 s {error:.2e}");
             assert!(error < 0.05, "{error}");
@@ -199,18 +181,8 @@ fn a_stop_that_is_hit_at_speed_gives_no_energy() {
     let mut start = State { q: scene.home(), ..State::default() };
     start.qd[..5].copy_from_slice(&[2.0, -1.5, 2.0, -2.0, 2.0]);
     let kinetic = |state: &State| {
-        Simulator::new(scene.clone(), SimulatorOptions::default())
-            .map(|mut s| {
-                s.set_state(0, state);
-                s.closed_form(0, |form| {
-                    let u = nalgebra::DVector::from_iterator(
-                        11,
-                        (0..11).map(|k| if k < 6 { 0.0 } else { state.qd[k - 6] }),
-                    );
-                    0.5 * u.dot(&(form.mass_matrix() * &u))
-                })
-            })
-            .unwrap()
+        let energy = simulator_at(&scene, "mk4", STEP, state).closed_form(0, |form| form.energy());
+        energy.kinetic_rigid + energy.kinetic_added
     };
     let before = kinetic(&start);
     for (k, state) in states(&scene, "ros2", Precision::Double, &start, 100).iter().enumerate() {
@@ -227,15 +199,14 @@ fn a_fast_tumble_takes_substeps_in_its_own_lane_only() {
     let scene = body();
     let still = State::default();
     let fast = State { twist: Vector6::new(0.1, 0.0, 0.0, 12.0, 9.0, -14.0), ..State::default() };
-    let options = SimulatorOptions { instances: 3, dt: STEP, integrator: "ros2".into(), ..SimulatorOptions::default() };
-    let mut together = Simulator::new(scene.clone(), options).unwrap();
+    let mut together = batch(&scene, "ros2", STEP, Precision::Double, 3);
     for (i, state) in [&still, &fast, &still].into_iter().enumerate() {
         together.set_state(i, state);
     }
     together.step(&Inputs::default(), 20).unwrap();
-    let alone = run(&scene, "ros2", STEP, &fast, &Inputs::default(), 20);
+    let alone = drift(&scene, "ros2", STEP, &fast, 20);
     assert_eq!(together.state(1), alone);
-    assert_eq!(together.state(0), run(&scene, "ros2", STEP, &still, &Inputs::default(), 20));
+    assert_eq!(together.state(0), drift(&scene, "ros2", STEP, &still, 20));
     // Energy and momentum of the torque-free body after 2 s, or some 6 turns.
     let inertia = scene.vehicle.body.inertia;
     let momentum = |s: &State| s.rotation * (inertia * s.twist.fixed_rows::<3>(3));
@@ -243,5 +214,5 @@ fn a_fast_tumble_takes_substeps_in_its_own_lane_only() {
     println!("fast tumble: momentum off by {error:.2e}");
     assert!(error < 0.3, "{error}");
     let lost = State { twist: Vector6::new(0.0, 0.0, 0.0, 1e5, 0.0, 1e5), ..State::default() };
-    assert!(run(&scene, "ros2", STEP, &lost, &Inputs::default(), 1).twist[3].is_nan());
+    assert!(drift(&scene, "ros2", STEP, &lost, 1).twist[3].is_nan());
 }
