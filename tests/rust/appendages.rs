@@ -368,7 +368,8 @@ fn a_linear_actuator_limits_torque_by_its_lever() {
 
 #[test]
 fn what_cannot_be_is_refused_by_key() {
-    let cases: [(fn(&mut Scene), &str); 13] = [
+    type Case = (fn(&mut Scene), &'static str);
+    let cases: [Case; 13] = [
         (|s| s.vehicle.fins[0].area = -1.0, "vehicle.fins[0].area (fin): is -1.0, but must be >= 0"),
         (
             |s| s.vehicle.fins[0].axis = Vector3::zeros(),
