@@ -8,7 +8,7 @@ import pytest
 
 import uvms_gym
 from uvms_gym import Simulator
-from uvms_gym.studies.hard_cases.case import single_body
+from uvms_gym.studies.hard_cases.scenes import single_body
 
 KEYS = ("position", "attitude", "q", "end_effector_position", "end_effector_attitude", "relative", "known")
 

@@ -46,6 +46,12 @@ def loglog_interpolation(x: ArrayLike, y: ArrayLike, at: float) -> float:
     return float(np.exp(v[k] + slope * (np.log(at) - u[k])))
 
 
+def matrix_of(values: ArrayLike) -> Floats:
+    """Matrix (n, n) that a scene gives in full or by its diagonal (n,)."""
+    given = np.asarray(values, dtype=np.float64)
+    return np.diag(given) if given.ndim == 1 else given
+
+
 def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
     """All bodies of a scene as `load_scene` gives it: vehicle, arm base, links, payload."""
     arm = scene.get("arm") or {}

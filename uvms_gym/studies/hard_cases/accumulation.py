@@ -1,30 +1,19 @@
 """Cases that look harmless step by step: spins, swings and rotors whose small errors add up within seconds."""
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from uvms_gym.studies.hard_cases.case import (
-    Case,
-    CaseRunner,
-    Quantities,
-    Reference,
-    Scene,
-    instants,
-    link,
-    motion,
-    single_body,
-    with_arm,
-)
-from uvms_gym.studies.hard_cases.reference_solutions import Top, force_free_reference, precession, solve_twice
-from uvms_gym.studies.hard_cases.secular import GRAVITY
+from uvms_gym.studies.hard_cases.case import Case, Quantities, Reference, instants, motion_case
+from uvms_gym.studies.hard_cases.reference_solutions import force_free_reference, inertia_of, precession, solve_twice
+from uvms_gym.studies.hard_cases.scenes import DENSITY, GRAVITY, Scene, link, single_body, with_arm
 from uvms_gym.studies.hard_cases.spinning import top_case
 from uvms_gym.studies.numerics import Floats
 
 INTERVAL = 0.5
 Steps = Mapping[int, float]
+Vector = tuple[float, ...]
 #: Options of cases whose rounding in float32 adds up, and of those whose warnings set an angle of many turns against
 #: a radian.
 ROUNDING: dict[str, Any] = {
@@ -34,39 +23,38 @@ ROUNDING: dict[str, Any] = {
 TURNS: dict[str, Any] = {"judges_warnings": False, "reason": "warnings set an angle of many turns against a radian"}
 
 
-def make_case(
+def every_interval(about: str, seconds: float, observed: str) -> tuple[str, Floats]:
+    """Description and instants of a motion of some seconds that is observed every `INTERVAL`."""
+    return f"{about}, {seconds:g} s: {observed} every 0.5 s", instants(INTERVAL, round(seconds / INTERVAL))
+
+
+def _case(
     name: str,
-    description: str,
-    run: Callable[[CaseRunner], Quantities],
-    reference: Callable[[], Reference],
+    about: str,
+    observed: str,
+    scene: Scene,
+    seconds: float,
+    reference: Callable[[Floats], Reference | Quantities],
     steps: Steps,
-    reason: str = "",
+    start: Mapping[str, Any],
     **more: Any,
 ) -> Case:
-    """Make a case that steps of any divisor of `INTERVAL` run."""
-    return Case(name, description, run, reference, steps, INTERVAL, reason=reason, **more)
-
-
-# Free bodies with two equal moments, transverse and axial.
+    description, times = every_interval(about, seconds, observed)
+    return motion_case(name, description, scene, times, reference, steps, start, **more)
 
 
 def _symmetric(
-    name: str,
-    about: str,
-    moments: tuple[float, float],
-    spin: tuple[float, ...],
-    seconds: float,
-    steps: Steps,
-    **more: Any,
+    name: str, about: str, moments: tuple[float, float], spin: Vector, seconds: float, steps: Steps, **more: Any
 ) -> Case:
-    (transverse, axial), times = moments, instants(INTERVAL, round(seconds / INTERVAL))
+    """Free body with two equal moments, transverse and axial."""
+    transverse, axial = moments
     scene = single_body(name, {"mass": 1.0, "inertia": [transverse, transverse, axial]})
-    run = motion(scene, times, ["attitude", "rate"], twist=[0.0, 0.0, 0.0, *spin])
 
-    def reference() -> Reference:
-        return Reference(precession(transverse, axial, np.array(spin), times), "closed form")
+    def reference(times: Floats) -> Quantities:
+        return precession(transverse, axial, np.array(spin), times)
 
-    return make_case(name, f"{about}, {seconds:g} s: attitude and rate every 0.5 s", run, reference, steps, **more)
+    start = {"twist": [0.0, 0.0, 0.0, *spin]}
+    return _case(name, about, "attitude and rate", scene, seconds, reference, steps, start, **more)
 
 
 SYMMETRIC = (
@@ -101,21 +89,10 @@ SYMMETRIC = (
 )
 
 
-# Free bodies with three moments.
-
-
-def _tumble(
-    name: str,
-    about: str,
-    inertia: tuple[float, ...],
-    spin: tuple[float, ...],
-    seconds: float,
-    steps: Steps,
-    **more: Any,
-) -> Case:
-    about = f"{about}, {seconds:g} s: attitude and rate every 0.5 s"
-    top, times = Top(np.array(inertia), np.array(spin)), instants(INTERVAL, round(seconds / INTERVAL))
-    return top_case(name, about, name, top, times, steps=steps, interval=INTERVAL, **more)
+def _tumble(name: str, about: str, inertia: Vector, spin: Vector, seconds: float, steps: Steps, **more: Any) -> Case:
+    """Free body with three moments."""
+    description, times = every_interval(about, seconds, "attitude and rate")
+    return top_case(name, description, inertia, spin, times, steps, **more)
 
 
 TUMBLES = (
@@ -143,48 +120,34 @@ TUMBLES = (
 )
 
 
-# Bodies in ideal water: Kirchhoff's equations.
+def _ideal(name: str, about: str, body: Scene, twist: Vector, steps: Steps, **more: Any) -> Case:
+    """Body in ideal water for 10 s: Kirchhoff's equations."""
+    scene = single_body(name, body, DENSITY)
 
+    def reference(times: Floats) -> Reference:
+        return force_free_reference(inertia_of(body), np.array(twist), times)
 
-def _ideal(
-    name: str, about: str, body: Scene, twist: tuple[float, ...], seconds: float, steps: Steps, **more: Any
-) -> Case:
-    times = instants(INTERVAL, round(seconds / INTERVAL))
-    run = motion(single_body(name, body, 1000.0), times, ["position", "attitude", "twist"], twist=twist)
-
-    @cache
-    def reference() -> Reference:
-        rigid = np.diag([body["mass"]] * 3 + list(body["inertia"]))
-        added = np.array(body["added_mass"])
-        inertia = rigid + (np.diag(added) if added.ndim == 1 else added)
-        return force_free_reference(inertia, np.array(twist), times)
-
-    about = f"{about}, {seconds:g} s: pose and twist every 0.5 s"
-    return make_case(name, about, run, reference, steps, **more)
+    return _case(name, about, "pose and twist", scene, 10.0, reference, steps, {"twist": twist}, **more)
 
 
 _OFF_CENTRE = np.diag([2.0, 8.0, 8.0, 0.1, 0.8, 0.8])
 _OFF_CENTRE[1, 5] = _OFF_CENTRE[5, 1] = 1.0
 _OFF_CENTRE[2, 4] = _OFF_CENTRE[4, 2] = -1.0
-_SLENDER = {"mass": 5.0, "inertia": [0.1, 0.6, 0.6], "added_mass": [0.5, 5.0, 5.0, 0.0, 0.4, 0.4]}
-_FLAT = {"mass": 2.0, "inertia": [0.1, 0.1, 0.2], "added_mass": [0.5, 0.5, 9.0, 0.3, 0.3, 0.0]}
 
 IDEAL = (
     _ideal(
         "slender body",
         "rolls at 8 rad/s askew to its way",
-        _SLENDER,
+        {"mass": 5.0, "inertia": [0.1, 0.6, 0.6], "added_mass": [0.5, 5.0, 5.0, 0.0, 0.4, 0.4]},
         (1.0, 0.1, 0.0, 8.0, 0.2, 0),
-        10.0,
         {4: 0.0025, 3: 0.0005, 2: 0.0005},
         **ROUNDING,
     ),
     _ideal(
         "flat body",
         "glides and spins at 6 rad/s",
-        _FLAT,
+        {"mass": 2.0, "inertia": [0.1, 0.1, 0.2], "added_mass": [0.5, 0.5, 9.0, 0.3, 0.3, 0.0]},
         (0.8, 0.0, 0.1, 0.2, 0.0, 6.0),
-        10.0,
         {4: 0.005, 3: 0.002, 2: 0.001},
     ),
     _ideal(
@@ -192,39 +155,30 @@ IDEAL = (
         "a body turns at 3 rad/s about a point beside it",
         {"mass": 5.0, "inertia": [0.3, 0.6, 0.7], "added_mass": _OFF_CENTRE.tolist()},
         (0.6, 0.2, -0.1, 1.0, 0.5, 3.0),
-        10.0,
         {4: 0.01, 3: 0.005, 2: 0.0025},
     ),
 )
 
 
-# Pendulums: a link on a fixed vehicle, I q'' = -m g l sin q - d q'.
-PENDULUM = {"mass": 2.0, "com": 0.3, "inertia": 0.05}
-
-
 def _pendulum(
     name: str, about: str, start: tuple[float, float], drag: float, seconds: float, steps: Steps, **more: Any
 ) -> Case:
-    times = instants(INTERVAL, round(seconds / INTERVAL))
-    mass, com, central = PENDULUM.values()
-
+    """Pendulum: a link on a fixed vehicle, I q'' = -m g l sin q - d q'."""
+    mass, com, central = 2.0, 0.3, 0.05
     body = {"mass": mass, "center_of_mass": [0.0, 0.0, -com], "inertia": [central] * 3}
-    scene = single_body(name, {"mass": 1.0, "inertia": [1.0] * 3}, gravity=[0.0, 0.0, -GRAVITY])
+    scene = single_body(name, {"mass": 1.0, "inertia": [1.0] * 3}, gravity=GRAVITY)
     scene = with_arm(scene, link("link", body, 1, friction={"viscous": drag}), fixed=True)
-    run = motion(scene, times, ["q", "q'"], q=[start[0]], qd=[start[1]])
+    inertia = central + mass * com * com
 
-    @cache
-    def reference() -> Reference:
-        inertia = central + mass * com * com
+    def rates(_: float, y: Floats) -> list[float]:
+        return [y[1], -(mass * GRAVITY * com * np.sin(y[0]) + drag * y[1]) / inertia]
 
-        def rates(_: float, y: Floats) -> list[float]:
-            return [y[1], -(mass * GRAVITY * com * np.sin(y[0]) + drag * y[1]) / inertia]
-
+    def reference(times: Floats) -> Reference:
         (q, qd), uncertainty = solve_twice(rates, start, times)
         values = {"q": q[:, None], "q'": qd[:, None]}
         return Reference(values, "equation of the pendulum, by SciPy, two tolerances", uncertainty)
 
-    return make_case(name, f"{about}, {seconds:g} s: joint every 0.5 s", run, reference, steps, **more)
+    return _case(name, about, "joint", scene, seconds, reference, steps, {"q": [start[0]], "qd": [start[1]]}, **more)
 
 
 PENDULUMS = (

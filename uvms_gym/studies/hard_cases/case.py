@@ -11,11 +11,11 @@ import numpy as np
 
 import uvms_gym
 from uvms_gym import Simulator
+from uvms_gym.studies.hard_cases.scenes import Scene
 from uvms_gym.studies.numerics import Floats
 
 #: Results of a run by name: each (k, ...), one row per instant or instance.
 Quantities = dict[str, Floats]
-Scene = dict[str, Any]
 #: Names in `OBSERVED`, or a function of the simulator.
 Observe = Sequence[str] | Callable[[Simulator], Quantities]
 
@@ -258,33 +258,49 @@ def instants(interval: float, count: int) -> Floats:
     return interval * np.arange(1, count + 1, dtype=np.float64)
 
 
-def single_body(name: str, body: Scene, density: float = 0.0, **water: Any) -> Scene:
-    """Make the scene of one body, without gravity unless given."""
-    water = {"density": density, "gravity": [0.0, 0.0, 0.0]} | water
-    return {"name": f"hard case {name}", "water": water, "vehicle": {"name": name, "body": body}}
-
-
-def link(name: str, body: Scene, along: int = 2, position: Sequence[float] = (0.0, 0.0, 0.0), **joint: Any) -> Scene:
-    """Make a link on a joint along x, y or z (0 to 2) through `position`; `joint` are further keys of the joint."""
-    frame = {"position": list(position)}
-    joint = {"kind": "revolute", "axis": np.eye(3)[along].tolist(), "frame": frame} | joint
-    return {"name": name, "joint": joint, "body": body}
-
-
-def with_arm(scene: Scene, *links: Scene, fixed: bool = False) -> Scene:
-    """Scene with the links of an arm, on a vehicle that is free or fixed."""
-    vehicle = scene["vehicle"] | {"fixed": fixed}
-    return scene | {"vehicle": vehicle, "arm": {"name": "arm", "links": list(links)}}
-
-
 def motion(
-    scene: Scene | Callable[[], Scene], times: Floats, observe: Observe, num_envs: int = 1, **state: Any
+    scene: Scene | Callable[[], Scene],
+    times: Floats,
+    observe: Observe,
+    start: Mapping[str, Any],
+    num_envs: int = 1,
+    inputs: Mapping[str, Any] = {},
 ) -> Callable[[CaseRunner], Quantities]:
-    """Make the run of a case without inputs: from a state, observed at multiples of `times[0]`."""
+    """Make the run of a case: from a state under constant inputs, observed at multiples of `times[0]`."""
 
     def run(runner: CaseRunner) -> Quantities:
         simulator = runner.simulator(scene() if callable(scene) else scene, num_envs)
-        simulator.set_state(**state)
-        return runner.sampled(simulator, times, observe)
+        simulator.set_state(**start)
+        return runner.sampled(simulator, times, observe, **inputs)
 
     return run
+
+
+def motion_case(
+    name: str,
+    description: str,
+    scene: Scene | Callable[[], Scene],
+    times: Floats,
+    reference: Callable[[Floats], Reference | Quantities],
+    steps: Mapping[int, float],
+    start: Mapping[str, Any],
+    observe: Observe = (),
+    num_envs: int = 1,
+    inputs: Mapping[str, Any] = {},
+    **options: Any,
+) -> Case:
+    """Make the case of a motion (see `motion`) with exact values at its times; `options` are further fields of `Case`.
+
+    `reference` gives the values at the times, by a closed form unless it names another source. By default the
+    quantities of the same names are observed.
+    """
+
+    @cache
+    def exact() -> Reference:
+        found = reference(times)
+        return found if isinstance(found, Reference) else Reference(found, "closed form")
+
+    def run(runner: CaseRunner) -> Quantities:
+        return motion(scene, times, observe or list(exact().values), start, num_envs, inputs)(runner)
+
+    return Case(name, description, run, exact, steps, float(times[0]), **options)

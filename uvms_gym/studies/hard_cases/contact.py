@@ -13,69 +13,64 @@ from uvms_gym.studies.hard_cases.case import (
     NonFinite,
     Quantities,
     Reference,
-    Scene,
     converged,
     instants,
-    link,
     motion,
-    single_body,
-    with_arm,
 )
+from uvms_gym.studies.hard_cases.reference_solutions import inertia_of
+from uvms_gym.studies.hard_cases.scenes import Scene, link, single_body, with_arm
 from uvms_gym.studies.numerics import Floats, joints
 
-# A link hits a compliant end stop at speed and leaves it again: I q'' = -(k + c q') p for p > 0. During contact
-# p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the final speed v1 and, by a quadrature over
-# the speed, the duration of contact.
-STOP = {"inertia": 0.2, "stiffness": 40.0, "damping": 4.0, "speed": 5.0, "limit": 0.5, "start": 0.0137}
-STOP_TIMES = instants(0.1, 6)
-# Without the instants in contact.
-STOP_CLEAR = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
 
+def _end_stop() -> Case:
+    """A link hits a compliant end stop at speed and leaves it again: I q'' = -(k + c q') p for p > 0.
 
-def _run_stop(runner: CaseRunner) -> Quantities:
-    inertia, stiffness, damping, speed, limit, start = STOP.values()
-    stop = {"lower": -10.0, "upper": limit, "stiffness": stiffness, "damping": damping}
+    During contact p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the final speed v1 and, by a
+    quadrature over the speed, the duration of contact.
+    """
+    inertia, k, c, v0, limit, start = 0.2, 40.0, 4.0, 5.0, 0.5, 0.0137
+    stop = {"lower": -10.0, "upper": limit, "stiffness": k, "damping": c}
     stopped = link("link", {"mass": 0.5, "inertia": [inertia] * 3}, limits=stop, home=start)
     scene = with_arm(single_body("end stop", {"mass": 1.0, "inertia": [1.0] * 3}), stopped, fixed=True)
-    values = motion(scene, STOP_TIMES, ["q", "q'"], qd=[speed])(runner)
-    return {"q": values["q"][STOP_CLEAR], "speed after": values["q'"][-1:]}
+    times = instants(0.1, 6)
+    # Without the instants in contact.
+    clear = (times < 0.09) | (times > 0.4)
 
-
-def _stop_reference() -> Reference:
-    from scipy.integrate import fixed_quad
-    from scipy.optimize import brentq
-
-    inertia, k, c, v0, limit, start = STOP.values()
+    def run(runner: CaseRunner) -> Quantities:
+        values = motion(scene, times, ["q", "q'"], {"qd": [v0]})(runner)
+        return {"q": values["q"][clear], "speed after": values["q'"][-1:]}
 
     def half_depth_squared(v: Floats) -> Floats:
         # log1p is accurate where v is near v0.
         return -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
 
-    v1 = float(brentq(half_depth_squared, -k / c * (1.0 - 1e-12), 0.0, xtol=1e-15))
+    def reference() -> Reference:
+        from scipy.integrate import fixed_quad
+        from scipy.optimize import brentq
 
-    # dt = -I dv / (p (k + c v)); v = (v0 + v1)/2 + (v0 - v1)/2 cos(a) removes the roots of p at both ends.
-    def rate(a: Floats) -> Floats:
-        v = 0.5 * (v0 + v1) + 0.5 * (v0 - v1) * np.cos(a)
-        p = np.sqrt(2.0 * half_depth_squared(v))
-        return inertia * 0.5 * (v0 - v1) * np.sin(a) / (p * (k + c * v))
+        v1 = float(brentq(half_depth_squared, -k / c * (1.0 - 1e-12), 0.0, xtol=1e-15))
 
-    duration = fixed_quad(rate, 0.0, math.pi, n=64)[0]
-    hit = (limit - start) / v0
-    times = STOP_TIMES[STOP_CLEAR]
-    q = np.where(times < hit, start + v0 * times, limit + v1 * (times - hit - duration))
-    return Reference({"q": q[:, None], "speed after": np.array([[v1]])}, "closed form, and quadrature of the contact")
+        # dt = -I dv / (p (k + c v)); v = (v0 + v1)/2 + (v0 - v1)/2 cos(a) removes the roots of p at both ends.
+        def rate(a: Floats) -> Floats:
+            v = 0.5 * (v0 + v1) + 0.5 * (v0 - v1) * np.cos(a)
+            p = np.sqrt(2.0 * half_depth_squared(v))
+            return inertia * 0.5 * (v0 - v1) * np.sin(a) / (p * (k + c * v))
 
+        duration, hit, t = fixed_quad(rate, 0.0, math.pi, n=64)[0], (limit - start) / v0, times[clear]
+        q = np.where(t < hit, start + v0 * t, limit + v1 * (t - hit - duration))
+        values = {"q": q[:, None], "speed after": np.array([[v1]])}
+        return Reference(values, "closed form, and quadrature of the contact")
 
-END_STOP = Case(
-    name="joint limit hit at speed",
-    description="a link at 5 rad/s into a compliant stop and out: speed after, and the joint coordinate",
-    run=_run_stop,
-    reference=_stop_reference,
-    steps={2: 0.002, 1: 0.0005},
-    interval=0.1,
-    smoothness=2,
-    reason="the stop's torque has a kink within a step, which reduces any method to order 2",
-)
+    return Case(
+        "joint limit hit at speed",
+        "a link at 5 rad/s into a compliant stop and out: speed after, and the joint coordinate",
+        run,
+        reference,
+        {2: 0.002, 1: 0.0005},
+        0.1,
+        smoothness=2,
+        reason="the stop's torque has a kink within a step, which reduces any method to order 2",
+    )
 
 
 # Chatter of a dead-band: BlueROV2 Heavy, 2 N buoyant, under a sampled PD with commands around the dead-band's edge.
@@ -150,7 +145,7 @@ SWITCHING = Case(
 
 # A payload grasped and released by PETASUS-PUM in motion. Grasping is an inelastic impulse: with A_p the payload's
 # rigid and added inertia and V_p its twist, (M + J^T A_p J) nu+ = M nu- + J^T A_p V_p.
-PAYLOAD = {"mass": 2.0, "inertia": 0.01, "added": 1.0, "added_inertia": 0.004}
+PAYLOAD = {"mass": 2.0, "inertia": [0.01] * 3, "added_mass": [1.0] * 3 + [0.004] * 3}
 PAYLOAD_TWIST = np.array([0.3, -0.1, 0.05, 0.05, -0.1, 0.1])
 PAYLOAD_TARGET = np.array([0.3, 0.5, 0.8, 0.5, 0.2])
 PAYLOAD_PART = 1.0
@@ -166,9 +161,7 @@ def _payload_scene(held: bool) -> Scene:
         servo = joint["servo"]
         servo["kp"], servo["kd"] = 0.01 * servo["kp"], 0.1 * servo["kd"]
     if held:
-        mass, inertia, added, added_inertia = PAYLOAD.values()
-        body = {"mass": mass, "inertia": [inertia] * 3, "volume": 0.001}
-        scene["payload"] = {"body": body | {"added_mass": [added] * 3 + [added_inertia] * 3}}
+        scene["payload"] = {"body": PAYLOAD | {"volume": 0.001}}
     return scene | {"name": "hard case payload", "provenance": {}}
 
 
@@ -186,8 +179,7 @@ def grasp_velocity(mass: Floats, joined: Floats, velocity: Floats) -> Floats:
 def _run_payload(runner: CaseRunner) -> Quantities:
     free, holding = (runner.simulator(_payload_scene(held)) for held in (False, True))
     free.set_state(twist=PAYLOAD_TWIST)
-    mass, inertia, added, added_inertia = PAYLOAD.values()
-    payload = np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
+    payload = inertia_of(PAYLOAD)
     values: Quantities = {}
 
     def advance(s: Simulator, when: str) -> None:
@@ -246,4 +238,4 @@ PAYLOAD_CASE = Case(
     interval=PAYLOAD_PART,
 )
 
-CASES = (END_STOP, CHATTER, SWITCHING, PAYLOAD_CASE)
+CASES = (_end_stop(), CHATTER, SWITCHING, PAYLOAD_CASE)

@@ -1,16 +1,17 @@
 """Reference solutions of one body: closed forms, and Kirchhoff's equations. They share no code with the kernel."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from uvms_gym._rotations import about, matrices, multiply, unit
 from uvms_gym.studies.hard_cases.case import Reference
-from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.numerics import Floats, matrix_of
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,15 @@ def precession(transverse: float, axial: float, rate: Floats, times: Floats, rot
     return {"attitude": attitude, "rate": (np.swapaxes(attitude, 1, 2) @ momentum - spin) / inertia}
 
 
+def pendulum(start: float, rate: float, times: Floats) -> tuple[Floats, Floats]:
+    """Angles and angular velocities (k,) of q'' = -rate^2 sin q from rest at `start`: Jacobi elliptic functions."""
+    from scipy.special import ellipj, ellipk
+
+    k = math.sin(0.5 * start)
+    sn, cn, _, _ = ellipj(rate * times + ellipk(k * k), k * k)
+    return 2.0 * np.arcsin(k * sn), 2.0 * k * rate * cn
+
+
 def solve(
     rates: Callable[[float, Floats], ArrayLike], start: ArrayLike, times: Floats, tolerance: float = 1e-13
 ) -> Floats:
@@ -115,6 +125,13 @@ def solve_twice(rates: Callable[[float, Floats], ArrayLike], start: ArrayLike, t
     """Solution of `solve`, and its maximum difference from one with a hundred times the tolerance."""
     fine, coarse = (solve(rates, start, times, tolerance) for tolerance in (1e-13, 1e-11))
     return fine, float(np.abs(fine - coarse).max())
+
+
+def inertia_of(body: Mapping[str, Any]) -> Floats:
+    """Inertia (6, 6) of a body about its origin, its centre of mass, with added mass; either as matrix or diagonal."""
+    rigid = np.diag([body["mass"]] * 3 + [0.0] * 3)
+    rigid[3:, 3:] = matrix_of(body["inertia"])
+    return rigid + matrix_of(body["added_mass"])
 
 
 def force_free_motion(inertia: Floats, twist: Floats, times: Floats, tolerance: float = 1e-13) -> dict[str, Floats]:

@@ -4,22 +4,17 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from uvms_gym.studies.hard_cases.accumulation import INTERVAL, TURNS, Steps, make_case
-from uvms_gym.studies.hard_cases.case import Case, Scene, converged, instants, link, motion, single_body, with_arm
-from uvms_gym.studies.hard_cases.secular import GRAVITY
+from uvms_gym.studies.hard_cases.accumulation import INTERVAL, TURNS, Steps, Vector, every_interval
+from uvms_gym.studies.hard_cases.case import Case, converged, motion
+from uvms_gym.studies.hard_cases.scenes import GRAVITY, Scene, link, single_body, with_arm
+
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 def _link(
-    name: str,
-    axis: int,
-    mass: float,
-    com: tuple[float, ...],
-    inertia: tuple[float, ...],
-    place: tuple[float, ...] = (0.0, 0.0, 0.0),
-    **joint: Any,
+    name: str, axis: int, mass: float, com: Vector, inertia: Vector, place: Vector = ORIGIN, **joint: Any
 ) -> Scene:
-    body = {"mass": mass, "center_of_mass": list(com), "inertia": list(inertia)}
-    return link(name, body, axis, place, **joint)
+    return link(name, {"mass": mass, "center_of_mass": list(com), "inertia": list(inertia)}, axis, place, **joint)
 
 
 def _chain(
@@ -27,20 +22,18 @@ def _chain(
     about: str,
     links: list[Scene],
     start: Mapping[str, Any],
-    seconds: float,
     steps: Steps,
     fine: float,
     vehicle: Scene | None = None,
     gravity: float = 0.0,
     **more: Any,
 ) -> Case:
-    times = instants(INTERVAL, round(seconds / INTERVAL))
-    scene = single_body(name, vehicle or {"mass": 1.0, "inertia": [1.0] * 3}, gravity=[0.0, 0.0, -gravity])
-    scene = with_arm(scene, *links, fixed=vehicle is None)
+    """Motion of links for 5 s against a fine run; the vehicle is fixed unless its body is given."""
+    description, times = every_interval(about, 5.0, f"joints{'' if vehicle is None else ' and vehicle'}")
+    scene = single_body(name, vehicle or {"mass": 1.0, "inertia": [1.0] * 3}, gravity=gravity)
     observed = ["q", "q'"] + ([] if vehicle is None else ["attitude", "rate"])
-    run = motion(scene, times, observed, **start)
-    about = f"{about}, {seconds:g} s: joints{'' if vehicle is None else ' and vehicle'} every 0.5 s"
-    return make_case(name, about, run, cache(lambda: converged(run, fine)), steps, **more)
+    run = motion(with_arm(scene, *links, fixed=vehicle is None), times, observed, start)
+    return Case(name, description, run, cache(lambda: converged(run, fine)), steps, INTERVAL, **more)
 
 
 _LIGHT = {"mass": 0.5, "inertia": [0.004, 0.005, 0.006]}
@@ -53,7 +46,6 @@ CASES = (
         "a rotor off balance at 40 rad/s on a light vehicle",
         [_link("rotor", 2, 0.1, (0.02, 0.0, 0.01), (2e-4, 2e-4, 4e-4))],
         {"twist": _SPIN, "qd": [40.0]},
-        5.0,
         {4: 0.005, 3: 0.0025, 2: 0.0025},
         2.5e-4,
         _LIGHT,
@@ -63,11 +55,10 @@ CASES = (
         "crossed rotors",
         "two rotors at right angles, 30 and 20 rad/s, on a light vehicle",
         [
-            _link("first", 2, 0.1, (0.0, 0.0, 0.0), (4e-4, 4e-4, 6e-4)),
+            _link("first", 2, 0.1, ORIGIN, (4e-4, 4e-4, 6e-4)),
             _link("second", 0, 0.1, (0.0, 0.0, 0.01), (5e-4, 3e-4, 3e-4)),
         ],
         {"twist": _SPIN, "qd": [30.0, 20.0]},
-        5.0,
         {4: 0.001, 3: 0.00025, 2: 0.0005},
         2.5e-4,
         _LIGHT,
@@ -81,7 +72,6 @@ CASES = (
             _link("lower", 1, 0.7, (0.0, 0.0, -0.15), (0.008, 0.008, 0.008), (0.0, 0.0, -0.3)),
         ],
         {"q": [1.2, 0.8]},
-        5.0,
         {4: 0.0025, 3: 0.001, 2: 0.001},
         5e-4,
         gravity=GRAVITY,
@@ -90,11 +80,10 @@ CASES = (
         "slider flung out",
         "a turntable at 2 rad/s flings out a slider, e-fold by e-fold",
         [
-            _link("table", 2, 5.0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.8)),
-            _link("slider", 0, 0.2, (0.0, 0.0, 0.0), _PLAIN, kind="prismatic"),
+            _link("table", 2, 5.0, ORIGIN, (0.5, 0.5, 0.8)),
+            _link("slider", 0, 0.2, ORIGIN, _PLAIN, kind="prismatic"),
         ],
         {"q": [0.0, 0.001], "qd": [2.0, 0.0]},
-        5.0,
         {4: 0.025, 2: 0.01},
         1e-3,
     ),
@@ -102,12 +91,11 @@ CASES = (
         "top in gimbals",
         "a top at 50 rad/s in two gimbals under gravity",
         [
-            _link("outer", 2, 0.1, (0.0, 0.0, 0.0), _PLAIN),
-            _link("inner", 1, 0.1, (0.0, 0.0, 0.0), _PLAIN),
+            _link("outer", 2, 0.1, ORIGIN, _PLAIN),
+            _link("inner", 1, 0.1, ORIGIN, _PLAIN),
             _link("top", 2, 0.5, (0.0, 0.0, 0.1), (0.003, 0.003, 0.004)),
         ],
         {"q": [0.0, 0.6, 0.0], "qd": [0.0, 0.0, 50.0]},
-        5.0,
         {4: 0.0025, 2: 0.001},
         5e-4,
         gravity=GRAVITY,
@@ -121,7 +109,6 @@ CASES = (
             _link("lower", 2, 0.2, (0.1, 0.0, 0.0), (0.0005, 0.001, 0.001), (0.3, 0.0, 0.0)),
         ],
         {"q": [0.3, 0.9], "qd": [2.0, -3.0], "twist": _SPIN},
-        5.0,
         {4: 0.01, 3: 0.005, 2: 0.005},
         1e-3,
         {"mass": 1.0, "inertia": [0.02, 0.03, 0.03]},
