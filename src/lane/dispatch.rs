@@ -11,6 +11,7 @@ use super::x86::{F32x8, F32x16, F64x4, F64x8};
 /// (In separate modules, so that the compiler works on both precisions in parallel.)
 macro_rules! real {
     ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident, $neon:ident) => {
+        #[cfg_attr(not(target_arch = "x86_64"), allow(unused_unsafe, reason = "multiply-add is in the base set there"))]
         impl Real for $real {
             const BLOCK: usize = $block;
             const EPSILON: f64 = <$real>::EPSILON as f64;
@@ -25,81 +26,47 @@ macro_rules! real {
                 self as f64
             }
 
-            #[cfg(target_arch = "x86_64")]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
-                    // SAFETY: the features have been detected.
-                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
-                    // SAFETY: the features have been detected.
-                    Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
-                    // SAFETY: the features have been detected.
-                    Isa::Fma if isa.detected() => unsafe { fma::run(kernel) },
+                    Isa::Plain => plain::run(kernel),
+                    _ if Isa::Fma.detected() => Self::dispatch_fused(isa, kernel),
                     _ => plain::run(kernel),
                 }
             }
 
-            #[cfg(target_arch = "x86_64")]
             fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
                     Isa::Plain => plain::run(kernel),
-                    // SAFETY: the features have been detected.
+                    // SAFETY: the feature has been detected.
                     _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
                     _ => plain::run(kernel),
                 }
             }
 
-            #[cfg(target_arch = "x86_64")]
             fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K) {
+                #[cfg(target_arch = "aarch64")]
+                neon::run(kernel);
+                #[cfg(target_arch = "x86_64")]
                 if Isa::Avx2.detected() {
                     // SAFETY: its features have been detected.
                     unsafe { avx2::run(kernel) }
                 }
-            }
-
-            #[cfg(target_arch = "x86_64")]
-            fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
-                    // SAFETY: the features have been detected.
-                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
-                    // SAFETY: the features have been detected.
-                    Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
-                    // SAFETY: the features have been detected.
-                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
-                    _ => {}
-                }
-            }
-
-            #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
-                    #[cfg(target_arch = "aarch64")]
-                    Isa::Neon => neon::run(kernel),
-                    _ => fma::run(kernel),
-                }
-            }
-
-            #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K) {
-                #[cfg(target_arch = "aarch64")]
-                neon::run(kernel);
-                #[cfg(not(target_arch = "aarch64"))]
                 let _ = kernel;
             }
 
-            #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+            fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
+                    // SAFETY: the features have been detected.
+                    #[cfg(target_arch = "x86_64")]
+                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    // SAFETY: the features have been detected.
+                    #[cfg(target_arch = "x86_64")]
+                    Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
                     #[cfg(target_arch = "aarch64")]
                     Isa::Neon => neon::run(kernel),
-                    _ => Self::dispatch_narrow(isa, kernel),
-                }
-            }
-
-            #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
-                    Isa::Plain => plain::run(kernel),
-                    _ => fma::run(kernel),
+                    // SAFETY: the feature has been detected.
+                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
+                    _ => {}
                 }
             }
         }

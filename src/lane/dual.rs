@@ -4,9 +4,7 @@
 //! the same bits as without slopes. At the kinks of `min`, `max` and `select` the slope is that of the number chosen, at that of
 //! `abs` and `sqrt` it is 0.
 
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
-
-use super::number::{Lane, Routine};
+use super::number::{Lane, Routine, operators};
 
 /// `value + slope e` with `e^2 = 0`, in each lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,54 +23,16 @@ impl<L> Dual<L> {
     }
 }
 
-impl<L: Lane> Add for Dual<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        Self::new(self.value + b.value, self.slope + b.slope)
-    }
-}
-impl<L: Lane> Sub for Dual<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        Self::new(self.value - b.value, self.slope - b.slope)
-    }
-}
-impl<L: Lane> Mul for Dual<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        Self::new(self.value * b.value, self.slope.mul_add(b.value, self.value * b.slope))
-    }
-}
-impl<L: Lane> Div for Dual<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        let value = self.value / b.value;
+operators! { [Dual<L> where L]
+    Add add(a, b) = Self::new(a.value + b.value, a.slope + b.slope);
+    Sub sub(a, b) = Self::new(a.value - b.value, a.slope - b.slope);
+    Mul mul(a, b) = Self::new(a.value * b.value, a.slope.mul_add(b.value, a.value * b.slope));
+    Div div(a, b) = {
+        let value = a.value / b.value;
         // The reciprocal is the value where 1 is divided: the compiler then divides once.
-        Self::new(value, value.neg_mul_add(b.slope, self.slope) * (L::c(1.0) / b.value))
-    }
-}
-impl<L: Lane> Neg for Dual<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self::new(-self.value, -self.slope)
-    }
-}
-impl<L: Lane> AddAssign for Dual<L> {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-impl<L: Lane> SubAssign for Dual<L> {
-    #[inline(always)]
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
+        Self::new(value, value.neg_mul_add(b.slope, a.slope) * (L::c(1.0) / b.value))
+    };
+    Neg neg(a) = Self::new(-a.value, -a.slope);
 }
 
 /// A routine on dual numbers as one on the lanes beneath, which know their instruction set.

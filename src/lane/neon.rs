@@ -2,11 +2,10 @@
 #![allow(unused_unsafe, reason = "so its intrinsics are safe to call")]
 
 use std::arch::aarch64::*;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::number::{Lane, Routine, assigning_ops};
-use super::simd::simd_lane;
+use super::number::{Lane, Routine, operators};
+use super::simd::{inlined, intrinsic, methods, simd_lane};
 
 simd_lane! {
     /// Two instances in double precision (NEON).
@@ -38,58 +37,36 @@ simd_lane! {
     widen_f32x4
 }
 
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) {
-    // SAFETY: every aarch64 has NEON.
-    unsafe {
+inlined! {
+    // Mantissas and exponents of positive normal numbers, from their bits.
+    split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) = {
         let bits = vreinterpretq_u64_f64(x);
         let one = vreinterpretq_u64_f64(vdupq_n_f64(1.0));
         let mantissa = vorrq_u64(vandq_u64(bits, vdupq_n_u64((1 << 52) - 1)), one);
         let exponent = vandq_u64(vshrq_n_u64::<52>(bits), vdupq_n_u64(0x7ff));
         (vreinterpretq_f64_u64(mantissa), vsubq_f64(vcvtq_f64_u64(exponent), vdupq_n_f64(1023.0)))
-    }
-}
-
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) {
-    // SAFETY: every aarch64 has NEON.
-    unsafe {
+    };
+    split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) = {
         let bits = vreinterpretq_u32_f32(x);
         let one = vreinterpretq_u32_f32(vdupq_n_f32(1.0));
         let mantissa = vorrq_u32(vandq_u32(bits, vdupq_n_u32((1 << 23) - 1)), one);
         let exponent = vandq_u32(vshrq_n_u32::<23>(bits), vdupq_n_u32(0xff));
         (vreinterpretq_f32_u32(mantissa), vsubq_f32(vcvtq_f32_u32(exponent), vdupq_n_f32(127.0)))
-    }
-}
+    };
 
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f64x2(x: float64x2_t) -> float64x2_t {
-    // SAFETY: every aarch64 has NEON.
-    unsafe {
+    // Estimates of inverse square roots: half the exponent, negated.
+    estimate_f64x2(x: float64x2_t) -> float64x2_t = {
         let half = vshrq_n_u64::<1>(vreinterpretq_u64_f64(x));
         vreinterpretq_f64_u64(vsubq_u64(vdupq_n_u64(INVERSE_SQRT), half))
-    }
-}
-
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f32x4(x: float32x4_t) -> float32x4_t {
-    // SAFETY: every aarch64 has NEON.
-    unsafe {
+    };
+    estimate_f32x4(x: float32x4_t) -> float32x4_t = {
         let half = vshrq_n_u32::<1>(vreinterpretq_u32_f32(x));
         vreinterpretq_f32_u32(vsubq_u32(vdupq_n_u32(INVERSE_SQRT_SINGLE), half))
-    }
-}
+    };
 
-/// Stores as f64.
-#[inline(always)]
-unsafe fn widen_f32x4(to: *mut f64, x: float32x4_t) {
-    // SAFETY: all lanes fit at `to`, by the contract of the function.
-    unsafe {
+    // Stores as f64.
+    widen_f32x4(to: *mut f64, x: float32x4_t) -> () = {
         vst1q_f64(to, vcvt_f64_f32(vget_low_f32(x)));
         vst1q_f64(to.add(2), vcvt_high_f64_f32(x));
-    }
+    };
 }

@@ -157,7 +157,7 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     fn from_f64(x: f64) -> Self;
     /// Exact conversion.
     fn to_f64(self) -> f64;
-    /// Runs a kernel on the lanes of `isa`; on the narrowest if `isa` is not available on this machine.
+    /// Runs a kernel on the lanes of `isa`; on scalars if `isa` is not available on this machine.
     fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
     /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
     /// machine code, for work whose speed does not matter.
@@ -169,21 +169,30 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
-/// Implements the compound assignment operators by the binary ones.
-macro_rules! assigning_ops {
-    ($lane:ty) => {
-        impl std::ops::AddAssign for $lane {
+/// Implements the operators of a lane by expressions in their operands, and the compound assignments by these.
+macro_rules! operators {
+    (@ [$lane:ty $(where $L:ident)?] $operator:ident $method:ident($a:ident $(, $b:ident)?) = $value:expr) => {
+        impl$(<$L: Lane>)? std::ops::$operator for $lane {
+            type Output = Self;
             #[inline(always)]
-            fn add_assign(&mut self, other: Self) {
-                *self = *self + other;
-            }
-        }
-        impl std::ops::SubAssign for $lane {
-            #[inline(always)]
-            fn sub_assign(&mut self, other: Self) {
-                *self = *self - other;
+            fn $method(self $(, $b: Self)?) -> Self {
+                let $a = self;
+                $value
             }
         }
     };
+    (@ [$lane:ty $(where $L:ident)?] $operator:ident $method:ident $sign:tt) => {
+        impl$(<$L: Lane>)? std::ops::$operator for $lane {
+            #[inline(always)]
+            fn $method(&mut self, other: Self) {
+                *self = *self $sign other;
+            }
+        }
+    };
+    ($lane:tt $($operator:ident $method:ident($($x:ident),+) = $value:expr;)+) => {
+        $(operators!(@ $lane $operator $method($($x),+) = $value);)+
+        operators!(@ $lane AddAssign add_assign +);
+        operators!(@ $lane SubAssign sub_assign -);
+    };
 }
-pub(crate) use assigning_ops;
+pub(crate) use operators;

@@ -1,10 +1,64 @@
 //! Scalar lanes: one instance at a time.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::convert::identity;
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
 use super::isa::Isa;
-use super::number::{Lane, Routine, assigning_ops};
+use super::number::{Lane, Routine, operators};
+
+/// Methods of lanes that consist of `$number`, and are made of it by `$make`.
+macro_rules! one_number {
+    ($real:ty, $make:expr, $self:ident => $number:expr) => {
+        type Real = $real;
+        type Mask = bool;
+        const LANES: usize = 1;
+
+        #[inline(always)]
+        fn splat(x: $real) -> Self {
+            $make(x)
+        }
+        #[inline(always)]
+        fn load(from: &[$real]) -> Self {
+            $make(from[0])
+        }
+        #[inline(always)]
+        fn store($self, to: &mut [$real]) {
+            to[0] = $number;
+        }
+        #[inline(always)]
+        fn sqrt($self) -> Self {
+            $make(<$real>::sqrt($number))
+        }
+        #[inline(always)]
+        fn abs($self) -> Self {
+            $make(<$real>::abs($number))
+        }
+        #[inline(always)]
+        fn select(mask: bool, yes: Self, no: Self) -> Self {
+            if mask { yes } else { no }
+        }
+        #[inline(always)]
+        fn and(a: bool, b: bool) -> bool {
+            a & b
+        }
+        #[inline(always)]
+        fn bits(mask: bool) -> u32 {
+            u32::from(mask)
+        }
+        #[inline(always)]
+        fn load_single(from: &[f32]) -> Self {
+            $make(from[0] as $real)
+        }
+        #[inline(always)]
+        fn store_single($self, to: &mut [f32]) {
+            to[0] = $number as f32;
+        }
+        #[inline(always)]
+        fn store_double($self, to: &mut [f64]) {
+            to[0] = $number as f64;
+        }
+    };
+}
 
 macro_rules! scalar_lane {
     ($real:ty, $module:ident, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {
@@ -20,9 +74,7 @@ macro_rules! scalar_lane {
         }
 
         impl Lane for $real {
-            type Real = $real;
-            type Mask = bool;
-            const LANES: usize = 1;
+            one_number!($real, identity, self => self);
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
@@ -37,28 +89,8 @@ macro_rules! scalar_lane {
                 }
             }
             #[inline(always)]
-            fn splat(x: $real) -> Self {
-                x
-            }
-            #[inline(always)]
-            fn load(from: &[$real]) -> Self {
-                from[0]
-            }
-            #[inline(always)]
-            fn store(self, to: &mut [$real]) {
-                to[0] = self;
-            }
-            #[inline(always)]
             fn mul_add(self, a: Self, b: Self) -> Self {
                 <$real>::mul_add(self, a, b)
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                <$real>::sqrt(self)
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                <$real>::abs(self)
             }
             #[inline(always)]
             fn round(self) -> Self {
@@ -67,18 +99,6 @@ macro_rules! scalar_lane {
             #[inline(always)]
             fn lt(self, other: Self) -> bool {
                 self < other
-            }
-            #[inline(always)]
-            fn select(mask: bool, yes: Self, no: Self) -> Self {
-                if mask { yes } else { no }
-            }
-            #[inline(always)]
-            fn and(a: bool, b: bool) -> bool {
-                a & b
-            }
-            #[inline(always)]
-            fn bits(mask: bool) -> u32 {
-                u32::from(mask)
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
@@ -90,18 +110,6 @@ macro_rules! scalar_lane {
             #[inline(always)]
             fn inverse_sqrt_estimate(self) -> Self {
                 <$real>::from_bits($inverse_sqrt.wrapping_sub(self.to_bits() >> 1))
-            }
-            #[inline(always)]
-            fn load_single(from: &[f32]) -> Self {
-                from[0] as $real
-            }
-            #[inline(always)]
-            fn store_single(self, to: &mut [f32]) {
-                to[0] = self as f32;
-            }
-            #[inline(always)]
-            fn store_double(self, to: &mut [f64]) {
-                to[0] = self as f64;
             }
         }
     };
@@ -124,75 +132,24 @@ macro_rules! unfused_lane {
             }
         }
 
-        impl Add for Unfused<$real> {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                Self(self.0 + other.0)
-            }
+        operators! { [Unfused<$real>]
+            Add add(a, b) = Self(a.0 + b.0);
+            Sub sub(a, b) = Self(a.0 - b.0);
+            Mul mul(a, b) = Self(a.0 * b.0);
+            Div div(a, b) = Self(a.0 / b.0);
+            Neg neg(a) = Self(-a.0);
         }
-        impl Sub for Unfused<$real> {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                Self(self.0 - other.0)
-            }
-        }
-        impl Mul for Unfused<$real> {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                Self(self.0 * other.0)
-            }
-        }
-        impl Div for Unfused<$real> {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                Self(self.0 / other.0)
-            }
-        }
-        impl Neg for Unfused<$real> {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                Self(-self.0)
-            }
-        }
-        assigning_ops!(Unfused<$real>);
 
         impl Lane for Unfused<$real> {
-            type Real = $real;
-            type Mask = bool;
-            const LANES: usize = 1;
+            one_number!($real, Self, self => self.0);
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
                 $module::call(routine);
             }
             #[inline(always)]
-            fn splat(x: $real) -> Self {
-                Self(x)
-            }
-            #[inline(always)]
-            fn load(from: &[$real]) -> Self {
-                Self(from[0])
-            }
-            #[inline(always)]
-            fn store(self, to: &mut [$real]) {
-                to[0] = self.0;
-            }
-            #[inline(always)]
             fn mul_add(self, a: Self, b: Self) -> Self {
                 self * a + b
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                Self(self.0.sqrt())
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                Self(self.0.abs())
             }
             // By addition: without SSE4.1, rounding would be a library call.
             #[inline(always)]
@@ -208,18 +165,6 @@ macro_rules! unfused_lane {
                 self.0 < other.0
             }
             #[inline(always)]
-            fn select(mask: bool, yes: Self, no: Self) -> Self {
-                if mask { yes } else { no }
-            }
-            #[inline(always)]
-            fn and(a: bool, b: bool) -> bool {
-                a & b
-            }
-            #[inline(always)]
-            fn bits(mask: bool) -> u32 {
-                u32::from(mask)
-            }
-            #[inline(always)]
             fn split(self) -> (Self, Self) {
                 let (mantissa, exponent) = self.0.split();
                 (Self(mantissa), Self(exponent))
@@ -227,18 +172,6 @@ macro_rules! unfused_lane {
             #[inline(always)]
             fn inverse_sqrt_estimate(self) -> Self {
                 Self(self.0.inverse_sqrt_estimate())
-            }
-            #[inline(always)]
-            fn load_single(from: &[f32]) -> Self {
-                Self(from[0] as $real)
-            }
-            #[inline(always)]
-            fn store_single(self, to: &mut [f32]) {
-                to[0] = self.0 as f32;
-            }
-            #[inline(always)]
-            fn store_double(self, to: &mut [f64]) {
-                to[0] = self.0 as f64;
             }
         }
     };

@@ -3,6 +3,40 @@
 //! The intrinsics need CPU features that the surrounding functions do not declare. Every function here is inlined into a
 //! monomorph that declares them ([`super::dispatch`]), and the types are reachable through that dispatch only.
 
+/// A call of an intrinsic by a lane.
+macro_rules! intrinsic {
+    ($call:expr) => {
+        // SAFETY: the CPU has the feature named in the type's documentation: `dispatch` hands these types out only after it has
+        // detected that feature. Loads and stores go through slices of all lanes.
+        unsafe { $call }
+    };
+}
+pub(super) use intrinsic;
+
+/// Methods of a lane, inlined.
+macro_rules! methods {
+    ($($name:ident($($argument:tt)*) -> $to:ty = $value:expr;)+) => {
+        $(#[inline(always)]
+        fn $name($($argument)*) -> $to {
+            $value
+        })+
+    };
+}
+pub(super) use methods;
+
+/// Short functions on vectors. (Closures would not be inlined: they have no instruction set of their own.)
+macro_rules! inlined {
+    ($($name:ident($($x:ident: $from:ty),+) -> $to:ty = $value:expr;)+) => {
+        $(#[inline(always)]
+        unsafe fn $name($($x: $from),+) -> $to {
+            // SAFETY: by the contract of the function; its callers are the expansions of `simd_lane`.
+            #[allow(unused_unsafe, reason = "operations on masks are safe, and intrinsics of NEON")]
+            unsafe { $value }
+        })+
+    };
+}
+pub(super) use inlined;
+
 /// Defines a lane by a vector type and its intrinsics.
 macro_rules! simd_lane {
     (
@@ -16,50 +50,14 @@ macro_rules! simd_lane {
         #[repr(transparent)]
         pub struct $name($vector);
 
-        // The CPU has the feature named in the type's documentation: `dispatch` hands these types out only after it has
-        // detected that feature, and the intrinsics are sound there. Loads and stores go through slices of all lanes.
-        impl Add for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $add(self.0, other.0) })
-            }
-        }
-        impl Sub for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $sub(self.0, other.0) })
-            }
-        }
-        impl Mul for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $mul(self.0, other.0) })
-            }
-        }
-        impl Div for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $div(self.0, other.0) })
-            }
-        }
-        impl Neg for $name {
-            type Output = Self;
+        operators! { [$name]
+            Add add(a, b) = Self(intrinsic!($add(a.0, b.0)));
+            Sub sub(a, b) = Self(intrinsic!($sub(a.0, b.0)));
+            Mul mul(a, b) = Self(intrinsic!($mul(a.0, b.0)));
+            Div div(a, b) = Self(intrinsic!($div(a.0, b.0)));
             // -0 - x is the exact negation, and the form that the compiler folds into a multiply-add.
-            #[inline(always)]
-            fn neg(self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $sub($set1(-0.0), self.0) })
-            }
+            Neg neg(a) = Self(intrinsic!($sub($set1(-0.0), a.0)));
         }
-        assigning_ops!($name);
 
         // In a module for each kind of lanes: the compiler works on several modules at a time.
         mod $module {
@@ -79,105 +77,33 @@ macro_rules! simd_lane {
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
-                // SAFETY: the CPU has the feature.
-                unsafe { $module::call(routine) }
+                intrinsic!($module::call(routine))
             }
-            #[inline(always)]
-            fn splat(x: $real) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $set1(x) })
-            }
-            #[inline(always)]
-            fn load(from: &[$real]) -> Self {
-                let from = &from[..$lanes];
-                // SAFETY: the CPU has the feature, and the slice has all lanes.
-                Self(unsafe { $load(from.as_ptr()) })
-            }
-            #[inline(always)]
-            fn store(self, to: &mut [$real]) {
-                let to = &mut to[..$lanes];
-                // SAFETY: the CPU has the feature, and the slice has all lanes.
-                unsafe { $store(to.as_mut_ptr(), self.0) }
-            }
-            #[inline(always)]
-            fn mul_add(self, a: Self, b: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $fma(self.0, a.0, b.0) })
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $sqrt(self.0) })
-            }
-            // Both return the second operand where either is NaN.
-            #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $min(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $max(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $abs(self.0) })
-            }
-            #[inline(always)]
-            fn round(self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $round(self.0) })
-            }
-            #[inline(always)]
-            fn lt(self, other: Self) -> $mask {
-                // SAFETY: the CPU has the feature.
-                unsafe { $lt(self.0, other.0) }
-            }
-            #[inline(always)]
-            fn select(mask: $mask, yes: Self, no: Self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $select(mask, yes.0, no.0) })
-            }
-            #[inline(always)]
-            fn and(a: $mask, b: $mask) -> $mask {
-                // SAFETY: the CPU has the feature.
-                unsafe { $and(a, b) }
-            }
-            #[inline(always)]
-            fn bits(mask: $mask) -> u32 {
-                // SAFETY: the CPU has the feature.
-                unsafe { $bits(mask) }
-            }
-            #[inline(always)]
-            fn split(self) -> (Self, Self) {
-                // SAFETY: the CPU has the feature.
-                let (mantissa, exponent) = unsafe { $split(self.0) };
-                (Self(mantissa), Self(exponent))
-            }
-            #[inline(always)]
-            fn inverse_sqrt_estimate(self) -> Self {
-                // SAFETY: the CPU has the feature.
-                Self(unsafe { $estimate(self.0) })
-            }
-            #[inline(always)]
-            fn load_single(from: &[f32]) -> Self {
-                let from = &from[..$lanes];
-                // SAFETY: the CPU has the feature, and the slice has all lanes.
-                Self(unsafe { $load_single(from.as_ptr()) })
-            }
-            #[inline(always)]
-            fn store_single(self, to: &mut [f32]) {
-                let to = &mut to[..$lanes];
-                // SAFETY: the CPU has the feature, and the slice has all lanes.
-                unsafe { $store_single(to.as_mut_ptr(), self.0) }
-            }
-            #[inline(always)]
-            fn store_double(self, to: &mut [f64]) {
-                let to = &mut to[..$lanes];
-                // SAFETY: the CPU has the feature, and the slice has all lanes.
-                unsafe { $store_double(to.as_mut_ptr(), self.0) }
+            methods! {
+                splat(x: $real) -> Self = Self(intrinsic!($set1(x)));
+                load(from: &[$real]) -> Self = Self(intrinsic!($load(from[..$lanes].as_ptr())));
+                store(self, to: &mut [$real]) -> () = intrinsic!($store(to[..$lanes].as_mut_ptr(), self.0));
+                mul_add(self, a: Self, b: Self) -> Self = Self(intrinsic!($fma(self.0, a.0, b.0)));
+                sqrt(self) -> Self = Self(intrinsic!($sqrt(self.0)));
+                // Both return the second operand where either is NaN.
+                min(self, other: Self) -> Self = Self(intrinsic!($min(self.0, other.0)));
+                max(self, other: Self) -> Self = Self(intrinsic!($max(self.0, other.0)));
+                abs(self) -> Self = Self(intrinsic!($abs(self.0)));
+                round(self) -> Self = Self(intrinsic!($round(self.0)));
+                lt(self, other: Self) -> $mask = intrinsic!($lt(self.0, other.0));
+                select(mask: $mask, yes: Self, no: Self) -> Self = Self(intrinsic!($select(mask, yes.0, no.0)));
+                and(a: $mask, b: $mask) -> $mask = intrinsic!($and(a, b));
+                bits(mask: $mask) -> u32 = intrinsic!($bits(mask));
+                split(self) -> (Self, Self) = {
+                    let (mantissa, exponent) = intrinsic!($split(self.0));
+                    (Self(mantissa), Self(exponent))
+                };
+                inverse_sqrt_estimate(self) -> Self = Self(intrinsic!($estimate(self.0)));
+                load_single(from: &[f32]) -> Self = Self(intrinsic!($load_single(from[..$lanes].as_ptr())));
+                store_single(self, to: &mut [f32]) -> () =
+                    intrinsic!($store_single(to[..$lanes].as_mut_ptr(), self.0));
+                store_double(self, to: &mut [f64]) -> () =
+                    intrinsic!($store_double(to[..$lanes].as_mut_ptr(), self.0));
             }
         }
     };

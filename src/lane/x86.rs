@@ -1,11 +1,10 @@
 //! SIMD lanes of x86-64: AVX-512 and AVX2 with FMA.
 
 use std::arch::x86_64::*;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::number::{Lane, Routine, assigning_ops};
-use super::simd::simd_lane;
+use super::number::{Lane, Routine, operators};
+use super::simd::{inlined, intrinsic, methods, simd_lane};
 
 const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
 
@@ -69,18 +68,6 @@ simd_lane! {
     widen_f32x8
 }
 
-/// Short functions. (Closures would not be inlined: they have no instruction set of their own.)
-macro_rules! inlined {
-    ($($name:ident($($x:ident: $from:ty),+) -> $to:ty = $value:expr;)+) => {
-        $(#[inline(always)]
-        unsafe fn $name($($x: $from),+) -> $to {
-            // SAFETY: by the contract of the function; its callers are the expansions above.
-            #[allow(unused_unsafe, reason = "operations on masks are safe")]
-            unsafe { $value }
-        })+
-    };
-}
-
 inlined! {
     select_f64x8(mask: __mmask8, yes: __m512d, no: __m512d) -> __m512d = _mm512_mask_blend_pd(mask, no, yes);
     and_mask8(a: __mmask8, b: __mmask8) -> __mmask8 = a & b;
@@ -101,120 +88,66 @@ inlined! {
     abs_f32x8(x: __m256) -> __m256 = _mm256_andnot_ps(_mm256_set1_ps(-0.0), x);
     select_f32x8(mask: __m256, yes: __m256, no: __m256) -> __m256 = _mm256_blendv_ps(no, yes, mask);
     bits_f32x8(mask: __m256) -> u32 = _mm256_movemask_ps(mask) as u32;
-}
 
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    // Mantissas and exponents of positive normal numbers, from their bits.
+    split_f64x8(x: __m512d) -> (__m512d, __m512d) = {
         let bits = _mm512_castpd_si512(x);
         let fraction = _mm512_and_si512(bits, _mm512_set1_epi64(FRACTION));
         let mantissa = _mm512_or_si512(fraction, _mm512_castpd_si512(_mm512_set1_pd(1.0)));
         let exponent = _mm512_and_si512(_mm512_srli_epi64::<52>(bits), _mm512_set1_epi64(EXPONENT));
         let shifted = _mm512_or_si512(exponent, _mm512_castpd_si512(_mm512_set1_pd(ULP_ONE)));
         (_mm512_castsi512_pd(mantissa), _mm512_sub_pd(_mm512_castsi512_pd(shifted), _mm512_set1_pd(ULP_ONE + 1023.0)))
-    }
-}
-
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    split_f32x16(x: __m512) -> (__m512, __m512) = {
         let bits = _mm512_castps_si512(x);
         let fraction = _mm512_and_si512(bits, _mm512_set1_epi32(FRACTION_SINGLE));
         let mantissa = _mm512_or_si512(fraction, _mm512_castps_si512(_mm512_set1_ps(1.0)));
         let exponent = _mm512_and_si512(_mm512_srli_epi32::<23>(bits), _mm512_set1_epi32(EXPONENT_SINGLE));
         let exponent = _mm512_cvtepi32_ps(exponent);
         (_mm512_castsi512_ps(mantissa), _mm512_sub_ps(exponent, _mm512_set1_ps(127.0)))
-    }
-}
-
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    split_f64x4(x: __m256d) -> (__m256d, __m256d) = {
         let bits = _mm256_castpd_si256(x);
         let fraction = _mm256_and_si256(bits, _mm256_set1_epi64x(FRACTION));
         let mantissa = _mm256_or_si256(fraction, _mm256_castpd_si256(_mm256_set1_pd(1.0)));
         let exponent = _mm256_and_si256(_mm256_srli_epi64::<52>(bits), _mm256_set1_epi64x(EXPONENT));
         let shifted = _mm256_or_si256(exponent, _mm256_castpd_si256(_mm256_set1_pd(ULP_ONE)));
         (_mm256_castsi256_pd(mantissa), _mm256_sub_pd(_mm256_castsi256_pd(shifted), _mm256_set1_pd(ULP_ONE + 1023.0)))
-    }
-}
-
-/// Mantissas and exponents of positive normal numbers, from their bits.
-#[inline(always)]
-unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    split_f32x8(x: __m256) -> (__m256, __m256) = {
         let bits = _mm256_castps_si256(x);
         let fraction = _mm256_and_si256(bits, _mm256_set1_epi32(FRACTION_SINGLE));
         let mantissa = _mm256_or_si256(fraction, _mm256_castps_si256(_mm256_set1_ps(1.0)));
         let exponent = _mm256_and_si256(_mm256_srli_epi32::<23>(bits), _mm256_set1_epi32(EXPONENT_SINGLE));
         (_mm256_castsi256_ps(mantissa), _mm256_sub_ps(_mm256_cvtepi32_ps(exponent), _mm256_set1_ps(127.0)))
-    }
-}
+    };
 
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f64x8(x: __m512d) -> __m512d {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    // Estimates of inverse square roots: half the exponent, negated.
+    estimate_f64x8(x: __m512d) -> __m512d = {
         let half = _mm512_srli_epi64::<1>(_mm512_castpd_si512(x));
         _mm512_castsi512_pd(_mm512_sub_epi64(_mm512_set1_epi64(INVERSE_SQRT as i64), half))
-    }
-}
-
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f32x16(x: __m512) -> __m512 {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    estimate_f32x16(x: __m512) -> __m512 = {
         let half = _mm512_srli_epi32::<1>(_mm512_castps_si512(x));
         _mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
-    }
-}
-
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f64x4(x: __m256d) -> __m256d {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    estimate_f64x4(x: __m256d) -> __m256d = {
         let half = _mm256_srli_epi64::<1>(_mm256_castpd_si256(x));
         _mm256_castsi256_pd(_mm256_sub_epi64(_mm256_set1_epi64x(INVERSE_SQRT as i64), half))
-    }
-}
-
-/// Estimates of inverse square roots: half the exponent, negated.
-#[inline(always)]
-unsafe fn estimate_f32x8(x: __m256) -> __m256 {
-    // SAFETY: by the contract of the function: the CPU has the feature.
-    unsafe {
+    };
+    estimate_f32x8(x: __m256) -> __m256 = {
         let half = _mm256_srli_epi32::<1>(_mm256_castps_si256(x));
         _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
-    }
-}
+    };
 
-/// Stores as f64.
-#[inline(always)]
-unsafe fn widen_f32x16(to: *mut f64, x: __m512) {
-    // SAFETY: by the contract of the function: the CPU has the feature, and all lanes fit at `to`.
-    unsafe {
+    // Stores as f64.
+    widen_f32x16(to: *mut f64, x: __m512) -> () = {
         let high = _mm512_extractf64x4_pd::<1>(_mm512_castps_pd(x));
         _mm512_storeu_pd(to, _mm512_cvtps_pd(_mm512_castps512_ps256(x)));
         _mm512_storeu_pd(to.add(8), _mm512_cvtps_pd(_mm256_castpd_ps(high)));
-    }
-}
-
-/// Stores as f64.
-#[inline(always)]
-unsafe fn widen_f32x8(to: *mut f64, x: __m256) {
-    // SAFETY: by the contract of the function: the CPU has the feature, and all lanes fit at `to`.
-    unsafe {
+    };
+    widen_f32x8(to: *mut f64, x: __m256) -> () = {
         _mm256_storeu_pd(to, _mm256_cvtps_pd(_mm256_castps256_ps128(x)));
         _mm256_storeu_pd(to.add(4), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x)));
-    }
+    };
 }
