@@ -59,13 +59,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASEL
         let point = if i == 0 {
             stages.start(n, from)
         } else {
-            let weights = Weights {
-                time: tableau.c[i],
-                speed: &tableau.a[i],
-                place: &tableau.place[i],
-                support: &tableau.support[i],
-            };
-            stages.weigh(&weights, n, h, keeps, from)
+            stages.weigh(&Weights::of(tableau, i), n, h, keeps, from)
         };
         let displaced;
         let at = if keeps {

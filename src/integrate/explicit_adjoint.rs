@@ -27,16 +27,15 @@ pub struct ExplicitAdjoint<L, const N: usize> {
 
 impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
     /// Zeroed memory.
-    pub fn new() -> Self {
+    pub fn blank() -> Self {
         let (six, joints) = ([Vector6::zero(); STAGES], [[L::zero(); N]; STAGES]);
-        let of_rates = [Rates { twist: Vector6::zero(), qd: [L::zero(); N] }; STAGES];
         Self {
-            stages: Stages::new(),
+            stages: Stages::blank(),
             theta: six,
             twist: six,
             q: joints,
             qd: joints,
-            of_rates,
+            of_rates: [Rates::zero(); STAGES],
             of_pose: six,
             of_stage: StageCotangents::blank(),
             part: SubInterval::blank(),
@@ -63,30 +62,14 @@ impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
         let Explicit { tableau, .. } = *method;
         let (n, count) = (derivative.joints(), tableau.stages.min(STAGES));
         let Self { stages, theta, twist, q, qd, of_rates, of_pose, of_stage, part, of_start } = self;
-        part.pop(tape, n);
-        for i in (0..count).rev() {
-            stages.rates[i].pop(tape, n);
-            stages.rates[i].keep_where(L::c(0.5).lt(part.taken), n);
-        }
-        // Lanes that did not take it have neither rates nor cotangents.
-        let takes = L::c(0.5).lt(part.taken);
-        part.h = L::select(takes, part.h, L::zero());
-        let kept = *of;
-        *of = MotionCotangents::zero();
-        of.set_where(takes, &kept, n);
+        let (takes, kept) = part.pop(tape, &mut stages.rates[..count], of, n);
         let SubInterval { from, h, elapsed, .. } = &*part;
         let h = *h;
         for i in 0..count {
             let point = if i == 0 {
                 stages.start(n, from)
             } else {
-                let weights = Weights {
-                    time: tableau.c[i],
-                    speed: &tableau.a[i],
-                    place: &tableau.place[i],
-                    support: &tableau.support[i],
-                };
-                stages.weigh(&weights, n, h, false, from)
+                stages.weigh(&Weights::of(tableau, i), n, h, false, from)
             };
             (theta[i], twist[i]) = (point.pose, point.twist);
             for k in 0..n {
@@ -159,11 +142,5 @@ impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
         }
         *of = kept;
         of.set_where(takes, of_start, n);
-    }
-}
-
-impl<L: Lane, const N: usize> Default for ExplicitAdjoint<L, N> {
-    fn default() -> Self {
-        Self::new()
     }
 }

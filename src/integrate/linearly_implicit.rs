@@ -63,7 +63,7 @@ pub(super) struct Point<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    pub(super) fn new() -> Self {
+    pub(super) fn blank() -> Self {
         let zero = [L::zero(); N];
         Self { theta: Vector6::zero(), twist: Vector6::zero(), q: zero, qd: zero }
     }
@@ -173,15 +173,8 @@ pub struct ImplicitStages<L, const N: usize> {
 
 impl<L: Lane, const N: usize> ImplicitStages<L, N> {
     /// Zeroed memory.
-    pub fn new() -> Self {
-        let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-        Self { coarse: Point::new(), middle: Point::new(), fine: Point::new(), rates }
-    }
-}
-
-impl<L: Lane, const N: usize> Default for ImplicitStages<L, N> {
-    fn default() -> Self {
-        Self::new()
+    pub fn blank() -> Self {
+        Self { coarse: Point::blank(), middle: Point::blank(), fine: Point::blank(), rates: Rates::zero() }
     }
 }
 

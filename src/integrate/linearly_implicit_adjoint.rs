@@ -27,14 +27,13 @@ pub struct ImplicitAdjoint<L, const N: usize> {
 
 impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
     /// Zeroed memory.
-    pub fn new() -> Self {
-        let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
+    pub fn blank() -> Self {
         Self {
-            rates: [rates; SOLVES],
-            points: std::array::from_fn(|_| Point::new()),
-            of_point: Point::new(),
-            of_end: Point::new(),
-            of_rates: rates,
+            rates: [Rates::zero(); SOLVES],
+            points: std::array::from_fn(|_| Point::blank()),
+            of_point: Point::blank(),
+            of_end: Point::blank(),
+            of_rates: Rates::zero(),
             of_stage: StageCotangents::blank(),
             part: SubInterval::blank(),
             of_start: MotionCotangents::zero(),
@@ -62,17 +61,7 @@ impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
         let weights = extrapolation_weights(method.order);
         let divisions = weights.len().min(3);
         let first = |parts: usize| parts * (parts - 1) / 2;
-        part.pop(tape, n);
-        for solve in (0..first(divisions + 1)).rev() {
-            rates[solve].pop(tape, n);
-            rates[solve].keep_where(L::c(0.5).lt(part.taken), n);
-        }
-        // Lanes that did not take it have neither rates nor cotangents.
-        let takes = L::c(0.5).lt(part.taken);
-        part.h = L::select(takes, part.h, L::zero());
-        let kept = *of;
-        *of = MotionCotangents::zero();
-        of.set_where(takes, &kept, n);
+        let (takes, kept) = part.pop(tape, &mut rates[..first(divisions + 1)], of, n);
         let SubInterval { from, h, elapsed, .. } = &*part;
 
         // Theta of the end: the ends of all divisions.
@@ -131,12 +120,6 @@ impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
         }
         *of = kept;
         of.set_where(takes, of_start, n);
-    }
-}
-
-impl<L: Lane, const N: usize> Default for ImplicitAdjoint<L, N> {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -43,6 +43,14 @@ pub struct Rates<L, const N: usize> {
     pub qd: [L; N],
 }
 
+impl<L: Lane, const N: usize> Rates<L, N> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { twist: Vector6::zero(), qd: [L::zero(); N] }
+    }
+}
+
 /// Pose within a step, computed on demand.
 pub trait StagePose<L: Lane> {
     /// True at the step's start, and where this is not known.

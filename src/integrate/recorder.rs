@@ -2,6 +2,7 @@
 
 use super::Rates;
 use super::motion::Motion;
+use super::motion_adjoint::MotionCotangents;
 use crate::lane::{Lane, Tape};
 use crate::lie::Vector6;
 
@@ -51,11 +52,17 @@ impl<L: Lane, const N: usize> SubInterval<L, N> {
         Self { from: Motion::blank(), h: L::zero(), elapsed: L::zero(), taken: L::zero() }
     }
 
-    /// Reads the last one of a record and removes it.
+    /// Reads the last one with its `rates` and removes both; lanes that did not take it have neither rates nor cotangents `of` its
+    /// end. Returns the lanes that took it, and the cotangents of all lanes.
     #[inline(always)]
-    pub fn pop(&mut self, tape: &mut Tape<L::Real>, joints: usize) {
-        let from = &mut self.from;
-        let mut last = [L::zero(); 3];
+    pub(super) fn pop(
+        &mut self,
+        tape: &mut Tape<L::Real>,
+        rates: &mut [Rates<L, N>],
+        of: &mut MotionCotangents<L, N>,
+        joints: usize,
+    ) -> (L::Mask, MotionCotangents<L, N>) {
+        let (from, mut last) = (&mut self.from, [L::zero(); 3]);
         tape.pop(&mut last, 3);
         [self.h, self.elapsed, self.taken] = last;
         tape.pop(&mut from.qd, joints);
@@ -63,6 +70,15 @@ impl<L: Lane, const N: usize> SubInterval<L, N> {
         pop_twist(tape, &mut from.twist);
         tape.pop(&mut from.pose.position.0, 3);
         tape.pop(from.pose.rotation.0.as_flattened_mut(), 9);
+        let (takes, kept) = (L::c(0.5).lt(self.taken), *of);
+        for i in (0..rates.len()).rev() {
+            rates[i].pop(tape, joints);
+            rates[i].keep_where(takes, joints);
+        }
+        self.h = L::select(takes, self.h, L::zero());
+        *of = MotionCotangents::zero();
+        of.set_where(takes, &kept, joints);
+        (takes, kept)
     }
 }
 
@@ -106,21 +122,15 @@ pub struct StepRecord<L: Lane> {
 
 impl<L: Lane> StepRecord<L> {
     /// Empty record.
-    pub fn new() -> Self {
-        Self { tape: Tape::new(), sub_intervals: Vec::new() }
+    pub fn empty() -> Self {
+        Self { tape: Tape::default(), sub_intervals: Vec::new() }
     }
 
     /// Frees memory that only very many steps need.
     pub fn trim(&mut self) {
         if self.tape.len() + self.tape.room() > KEPT {
-            *self = Self::new();
+            *self = Self::empty();
         }
-    }
-}
-
-impl<L: Lane> Default for StepRecord<L> {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -39,15 +39,23 @@ pub(super) struct Weights<'a> {
     pub support: &'a [Support; 2],
 }
 
+impl<'a> Weights<'a> {
+    /// Weights of stage `i`.
+    #[inline(always)]
+    pub(super) fn of(tableau: &'a Tableau, i: usize) -> Self {
+        let Tableau { a, c, place, support, .. } = tableau;
+        Self { time: c[i], speed: &a[i], place: &place[i], support: &support[i] }
+    }
+}
+
 impl<L: Lane, const N: usize> Stages<L, N> {
     /// Zeroed memory.
-    pub fn new() -> Self {
+    pub fn blank() -> Self {
         let zero = [L::zero(); N];
-        let rates = Rates { twist: Vector6::zero(), qd: zero };
         Self {
             pose: [Vector6::zero(); STAGES],
             scalar: [L::zero(); STAGES],
-            rates: [rates; STAGES],
+            rates: [Rates::zero(); STAGES],
             q_at: zero,
             qd_at: zero,
         }
@@ -215,12 +223,6 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             first.qd[k] = L::select(mask, last.qd[k], first.qd[k]);
         }
         self.pose[0] = at.twist;
-    }
-}
-
-impl<L: Lane, const N: usize> Default for Stages<L, N> {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

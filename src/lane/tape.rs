@@ -10,11 +10,6 @@ pub struct Tape<T> {
 }
 
 impl<T: Real> Tape<T> {
-    /// Empty tape.
-    pub fn new() -> Self {
-        Self { numbers: Vec::new(), at: 0 }
-    }
-
     /// Removes all numbers.
     pub fn clear(&mut self) {
         self.at = 0;

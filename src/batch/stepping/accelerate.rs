@@ -60,8 +60,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 columns.loads(layout, self.active, &mut loads);
                 let factors = &columns.factors(layout);
                 if let Some(own) = &self.own {
-                    let (run_rows, block, instances) = (own.run_rows, own.block(k), &mut instances);
-                    L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms: true });
+                    let (instances, at) = (&mut instances, [k, first]);
+                    L::call(&mut LoadNumbers { instances, own, at, factors, body_frame_terms: true });
                 } else {
                     instances.system.apply_factors(parts, factors, true);
                 }

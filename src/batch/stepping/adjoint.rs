@@ -150,9 +150,8 @@ impl Kernel<f64> for Reverse<'_, '_> {
             let mut columns = Columns { rows: &mut *rows, first };
             let factors = columns.factors(step.layout);
             if let Some(own) = &step.own {
-                let (run_rows, block, factors) = (own.run_rows, own.block(self.block), &factors);
-                let body_frame_terms = true;
-                L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+                let (at, factors) = ([self.block, first], &factors);
+                L::call(&mut LoadNumbers { instances, own, at, factors, body_frame_terms: true });
             } else {
                 instances.system.apply_factors(step.unscaled, &factors, true);
             }

@@ -129,7 +129,7 @@ impl<T: Real> Blocks<T> {
         }
         if let Some(follow) = follow {
             let scene = CompanionScene::new::<T>(follow, compiled, integrator, isa, &blocks.table.layout);
-            let own = blocks.own.as_ref().map(|own| own.layout());
+            let own = blocks.own.as_ref().map(|own| &own.layout);
             let chunks = instances.div_ceil(CHUNK);
             let of_chunk = |chunk| {
                 let count = CHUNK.min(instances - chunk * CHUNK);
@@ -158,10 +158,8 @@ impl<T: Real> Blocks<T> {
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = settings.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
         let violations = Mutex::new(Violations::default());
-        let mut own = self.own.as_mut().map(|own| {
-            let (layout, rows) = own.parts();
-            (layout, rows.chunks_mut(CHUNK * layout.width))
-        });
+        let own = self.own.as_mut().map(|OwnNumbers { layout, rows }| (&*layout, rows));
+        let mut own = own.map(|(layout, rows)| (layout, rows.chunks_mut(CHUNK * layout.width)));
         let own = move |rows| (rows, own.as_mut().and_then(|(layout, chunks)| Some((*layout, chunks.next()?))));
         let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows).map(own);
         let mut companions = self.companions.as_mut().map(|all| (&all.scene, all.chunks.iter_mut()));
@@ -205,7 +203,9 @@ impl Blocks<f64> {
     /// Copies the numbers that instances have of their own from blocks in single precision, of the same samples.
     pub fn set_own_numbers(&mut self, single: &Blocks<f32>) {
         if let (Some(own), Some(single)) = (&mut self.own, &single.own) {
-            own.set_all(single);
+            for i in 0..own.rows.len() / own.layout.width {
+                own.layout.copy(&single.rows, i, &mut own.rows, i);
+            }
         }
     }
 }
@@ -264,7 +264,7 @@ impl<T: Real> Storage for Blocks<T> {
     fn set_own(&mut self, i: usize, compiled: &Compiled) {
         self.table.set_fins(&mut self.rows, i, &compiled.system.terms.deflections());
         if let Some(own) = &mut self.own {
-            own.set(i, compiled);
+            own.layout.set(&mut own.rows, i, compiled);
         }
         if let Some((_, companions, k)) = self.companions_of(i) {
             companions.own_changed(k);
@@ -337,7 +337,7 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn bytes_per_instance(&self) -> usize {
-        let own = self.own.as_ref().map_or(0, OwnNumbers::bytes);
+        let own = self.own.as_ref().map_or(0, |own| size_of_val(&own.rows[..]));
         let companions = self.companions.iter().flat_map(|all| &all.chunks).map(ChunkCompanions::bytes).sum::<usize>();
         (self.rows.len() * size_of::<T>() + own + companions) / self.instances
     }

@@ -142,7 +142,7 @@ impl Blocks<f64> {
         let width = out.len() / members;
         let [_, with_payload] = table.scaled(rows);
         let payload = with_payload || directions.payload();
-        let own_rows = self.own.as_ref().map(|own| (own.layout(), own.columns().block(block)));
+        let own_rows = self.own.as_ref().map(|own| (&own.layout, own.columns().block(block)));
         let mut own = own_rows.map_or(Vec::new(), |(_, rows)| vec![0.0; rows.len()]);
         let mut dual = vec![0.0; 2 * rows.len()];
         // Pairs of an instance and a direction fill the columns; the last pair is repeated in columns that are left.
@@ -222,8 +222,7 @@ pub fn step_pairs<L: Lane<Real = f64>>(step: &Step<f64>, rows: &mut [f64]) {
         let factors = columns.factors(step.layout);
         let body_frame_terms = step.integrator.implicit();
         if let Some(own) = &step.own {
-            let (run_rows, block, factors) = (own.run_rows, own.block(0), &factors);
-            L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+            L::call(&mut LoadNumbers { instances, own, at: [0, first], factors: &factors, body_frame_terms });
         } else {
             instances.system.apply_factors(step.unscaled, &factors, body_frame_terms);
         }

@@ -51,9 +51,9 @@ impl<L: Lane> ReverseMemory<L> {
     /// Zeros.
     pub fn new() -> Self {
         Self {
-            record: StepRecord::new(),
-            explicit: ExplicitAdjoint::new(),
-            implicit: ImplicitAdjoint::new(),
+            record: StepRecord::empty(),
+            explicit: ExplicitAdjoint::blank(),
+            implicit: ImplicitAdjoint::blank(),
             adjoint_scratch: AdjointScratch::new(),
             scratch: Scratch::new(),
             loads: ArmLoads::none(),

@@ -222,8 +222,8 @@ impl<'a, T: Real> Step<'a, T> {
                     }
                     let body_frame_terms = self.integrator.implicit();
                     if let Some(own) = &self.own {
-                        let (run_rows, block, factors) = (own.run_rows, own.block(k), &factors);
-                        L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+                        let (at, factors) = ([k, first], &factors);
+                        L::call(&mut LoadNumbers { instances, own, at, factors, body_frame_terms });
                     } else {
                         instances.system.apply_factors(self.unscaled, &factors, body_frame_terms);
                     }

@@ -12,8 +12,10 @@ pub type RunRows = Vec<Option<u32>>;
 /// Numbers of the system that differ between instances, in rows of blocks like the states.
 #[derive(Debug, Clone)]
 pub struct OwnNumbers<T> {
-    layout: OwnLayout,
-    rows: Aligned<T>,
+    /// Layout of the rows.
+    pub layout: OwnLayout,
+    /// Whole blocks.
+    pub rows: Aligned<T>,
 }
 
 /// Layout of these rows.
@@ -27,21 +29,17 @@ pub struct OwnLayout {
     runs: Vec<Vec<f64>>,
 }
 
-/// Numbers of several whole blocks.
+/// Numbers of several whole blocks, and their layout.
 #[derive(Debug, Clone, Copy)]
 pub struct OwnColumns<'a, T> {
-    /// First row of each run.
-    pub run_rows: &'a RunRows,
-    /// Rows of a block.
-    width: usize,
-    /// The blocks.
+    layout: &'a OwnLayout,
     rows: &'a [T],
 }
 
 impl OwnLayout {
     /// The blocks of these rows.
     pub fn columns<'a, T>(&'a self, rows: &'a [T]) -> OwnColumns<'a, T> {
-        OwnColumns { run_rows: &self.run_rows, width: self.width, rows }
+        OwnColumns { layout: self, rows }
     }
 
     /// Copies the numbers of instance `i` of such rows to column `column` of others in double precision.
@@ -102,50 +100,24 @@ impl<T: Real> OwnNumbers<T> {
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(width).ok_or_else(memory)?;
         let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
-        let mut numbers = Self { layout: OwnLayout { run_rows, width, runs }, rows };
-        let first = compiled(0);
+        let (layout, mut rows, first) = (OwnLayout { run_rows, width, runs }, rows, compiled(0));
         for i in 0..columns {
             if interrupt::requested() {
                 return Err(SimulatorError::Interrupted);
             }
             // Columns past the last instance need valid numbers too.
-            if i < samples.min(instances) { numbers.set(i, &compiled(i)) } else { numbers.set(i, &first) }
+            if i < samples.min(instances) {
+                layout.set(&mut rows, i, &compiled(i));
+            } else {
+                layout.set(&mut rows, i, &first);
+            }
         }
-        Ok(Some(numbers))
-    }
-
-    /// Sets the numbers of instance `i`.
-    pub fn set(&mut self, i: usize, compiled: &Compiled) {
-        self.layout.set(&mut self.rows, i, compiled);
+        Ok(Some(Self { layout, rows }))
     }
 
     /// All blocks.
     pub fn columns(&self) -> OwnColumns<'_, T> {
         self.layout.columns(&self.rows)
-    }
-
-    /// Layout of the rows.
-    pub fn layout(&self) -> &OwnLayout {
-        &self.layout
-    }
-
-    /// Layout of the rows, and the blocks.
-    pub fn parts(&mut self) -> (&OwnLayout, &mut [T]) {
-        (&self.layout, &mut self.rows)
-    }
-
-    /// Bytes of all blocks.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.rows[..])
-    }
-}
-
-impl OwnNumbers<f64> {
-    /// Copies all numbers from numbers in single precision, of the same samples.
-    pub fn set_all(&mut self, single: &OwnNumbers<f32>) {
-        for i in 0..self.rows.len() / self.layout.width {
-            self.layout.copy(&single.rows, i, &mut self.rows, i);
-        }
     }
 }
 
@@ -153,24 +125,16 @@ impl<'a, T: Real> OwnColumns<'a, T> {
     /// Block `k`.
     #[inline(always)]
     pub fn block(&self, k: usize) -> &'a [T] {
-        let size = self.width * T::BLOCK;
+        let size = self.layout.width * T::BLOCK;
         self.rows.get(k * size..(k + 1) * size).unwrap_or_default()
     }
 }
 
 /// Loads the numbers of a column group into the system of its instances.
-pub struct RunLoader<'a, T> {
+struct RunLoader<'a, T> {
     run_rows: std::slice::Iter<'a, Option<u32>>,
     block: &'a [T],
     first: usize,
-}
-
-impl<'a, T: Real> RunLoader<'a, T> {
-    /// Loader of the column group of a block that begins with column `first`.
-    #[inline(always)]
-    pub fn new(run_rows: &'a RunRows, block: &'a [T], first: usize) -> Self {
-        Self { run_rows: run_rows.iter(), block, first }
-    }
 }
 
 impl<L: Lane> RunVisitor<L> for RunLoader<'_, L::Real> {
@@ -192,12 +156,10 @@ impl<L: Lane> RunVisitor<L> for RunLoader<'_, L::Real> {
 pub struct LoadNumbers<'a, L: Lane> {
     /// The system of the column group.
     pub instances: &'a mut InstanceSystem<L>,
-    /// First row of each run of numbers.
-    pub run_rows: &'a RunRows,
-    /// The block's rows of these numbers.
-    pub block: &'a [L::Real],
-    /// First column.
-    pub first: usize,
+    /// Their own numbers.
+    pub own: &'a OwnColumns<'a, L::Real>,
+    /// Number of the block, and the first column in it.
+    pub at: [usize; 2],
     /// Factors on the bodies' terms.
     pub factors: &'a Factors<L>,
     /// As for [`crate::system::System::apply_factors`].
@@ -207,7 +169,9 @@ pub struct LoadNumbers<'a, L: Lane> {
 impl<L: Lane> Routine<L> for LoadNumbers<'_, L> {
     #[inline(always)]
     fn run(&mut self) {
-        self.instances.visit(&mut RunLoader::new(self.run_rows, self.block, self.first));
+        let [block, first] = self.at;
+        let run_rows = self.own.layout.run_rows.iter();
+        self.instances.visit(&mut RunLoader { run_rows, block: self.own.block(block), first });
         self.instances.attach_payload();
         let InstanceSystem { system, unscaled, .. } = &mut *self.instances;
         system.apply_factors(unscaled, self.factors, self.body_frame_terms);
