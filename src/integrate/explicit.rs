@@ -56,11 +56,8 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASEL
     let keeps = BASELINES && chart.attitude() != Attitude::Matrix;
     let mut turn = L::zero();
     for i in usize::from(begun)..tableau.stages.min(STAGES) {
-        let point = if i == 0 {
-            stages.start(n, from)
-        } else {
-            stages.weigh(&Weights::of(tableau, i), n, h, keeps, from)
-        };
+        let point =
+            if i == 0 { stages.start(n, from) } else { stages.weigh(&Weights::of(tableau, i), n, h, keeps, from) };
         let displaced;
         let at = if keeps {
             let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);

@@ -2,7 +2,9 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::motion_adjoint::{DerivativeAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState};
+use super::motion_adjoint::{
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+};
 use super::recorder::SubInterval;
 use super::registry::Explicit;
 use super::stages::{Stages, Weights};
@@ -42,17 +44,18 @@ impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
             of_start: MotionCotangents::zero(),
         }
     }
+}
 
-    /// Start of the sub-interval that was reversed last.
+impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ExplicitAdjoint<L, N> {
+    type Method = Explicit;
+
     #[inline(always)]
-    pub fn start(&self) -> &Motion<L, N> {
+    fn start(&self) -> &Motion<L, N> {
         &self.part.from
     }
 
-    /// Replaces the cotangents at the end of a record's last sub-interval by the cotangents at its start, in the lanes that took it, and
-    /// removes it.
     #[inline(always)]
-    pub fn reverse<D: DerivativeAdjoint<L, N>>(
+    fn reverse<D: DerivativeAdjoint<L, N>>(
         &mut self,
         method: &Explicit,
         tape: &mut Tape<L::Real>,
@@ -66,11 +69,8 @@ impl<L: Lane, const N: usize> ExplicitAdjoint<L, N> {
         let SubInterval { from, h, elapsed, .. } = &*part;
         let h = *h;
         for i in 0..count {
-            let point = if i == 0 {
-                stages.start(n, from)
-            } else {
-                stages.weigh(&Weights::of(tableau, i), n, h, false, from)
-            };
+            let point =
+                if i == 0 { stages.start(n, from) } else { stages.weigh(&Weights::of(tableau, i), n, h, false, from) };
             (theta[i], twist[i]) = (point.pose, point.twist);
             for k in 0..n {
                 (q[i][k], qd[i][k]) = (stages.q_at[k], stages.qd_at[k]);

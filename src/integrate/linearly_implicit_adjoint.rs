@@ -3,7 +3,9 @@
 use super::Rates;
 use super::linearly_implicit::{Point, extrapolation_weights};
 use super::motion::Motion;
-use super::motion_adjoint::{DerivativeAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState};
+use super::motion_adjoint::{
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+};
 use super::recorder::SubInterval;
 use super::registry::Implicit;
 use crate::lane::{Lane, Tape};
@@ -39,17 +41,18 @@ impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
             of_start: MotionCotangents::zero(),
         }
     }
+}
 
-    /// Start of the sub-interval that was reversed last.
+impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
+    type Method = Implicit;
+
     #[inline(always)]
-    pub fn start(&self) -> &Motion<L, N> {
+    fn start(&self) -> &Motion<L, N> {
         &self.part.from
     }
 
-    /// Replaces the cotangents at the end of a record's last sub-interval by the cotangents at its start, in the lanes that took it, and
-    /// removes it.
     #[inline(always)]
-    pub fn reverse<D: DerivativeAdjoint<L, N>>(
+    fn reverse<D: DerivativeAdjoint<L, N>>(
         &mut self,
         method: &Implicit,
         tape: &mut Tape<L::Real>,

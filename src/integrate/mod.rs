@@ -22,7 +22,9 @@ pub use explicit_adjoint::ExplicitAdjoint;
 pub use linearly_implicit::{ImplicitStages, LinearlyImplicit, implicit_interval};
 pub use linearly_implicit_adjoint::ImplicitAdjoint;
 pub use motion::Motion;
-pub use motion_adjoint::{DerivativeAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState};
+pub use motion_adjoint::{
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+};
 pub use recorder::{Recorder, StepRecord, SubInterval};
 pub use registry::{Entry, Explicit, Gains, Implicit, Integrator, Kind};
 pub use stability::{GROWTH, PASSING, Stability};

@@ -1,7 +1,7 @@
 //! Cotangents of a step's state, and of a pose within a step.
 
-use super::Rates;
-use crate::lane::{Lane, unroll};
+use super::{Motion, Rates};
+use crate::lane::{Lane, Tape, unroll};
 use crate::lie::{Pose, Vector3, Vector6, increment_adjoint};
 
 /// Cotangents of a [`super::Motion`].
@@ -125,4 +125,21 @@ pub trait DerivativeAdjoint<L: Lane, const N: usize> {
         of_rates: &Rates<L, N>,
         of_stage: &mut StageCotangents<L, N>,
     );
+}
+
+/// Adjoint of a method's sub-intervals.
+pub trait MethodAdjoint<L: Lane, const N: usize> {
+    /// The method.
+    type Method;
+    /// Replaces the cotangents at the end of a record's last sub-interval by the cotangents at its start, in the lanes that took it, and
+    /// removes it.
+    fn reverse<D: DerivativeAdjoint<L, N>>(
+        &mut self,
+        method: &Self::Method,
+        tape: &mut Tape<L::Real>,
+        derivative: &mut D,
+        of: &mut MotionCotangents<L, N>,
+    );
+    /// Start of the sub-interval that was reversed last.
+    fn start(&self) -> &Motion<L, N>;
 }

@@ -177,22 +177,13 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
 
     /// Observations and metrics of the chosen instances at their current control instant.
     pub fn observe(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
+        self.observe_as(chosen, false, out);
+    }
+
+    /// Kernel of the observations of the chosen instances, of the true state if `perfect`.
+    pub fn observe_as(&mut self, chosen: &[bool], perfect: bool, out: &mut Outputs<'_>) {
         let isa = self.part.isa;
-        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: false, out });
-    }
-
-    /// Observations (n, d) of the true, present state.
-    pub fn observe_perfect(&mut self, observations: &mut [f32]) {
-        let (isa, all) = (self.part.isa, [true; CHUNK]);
-        let chosen = &all[..self.slots.len()];
-        let out = &mut Outputs { observations, ..Outputs::default() };
-        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: true, out });
-    }
-
-    /// States and memories of the instances: see [`super::TaskBatch::frames`].
-    pub fn frames(&self) -> [Vec<f32>; 2] {
-        let (layout, count) = (&self.part.table.layout, self.slots.len());
-        frames(layout, self.part.rows, self.kernel.rows(), self.episodes, count)
+        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect, out });
     }
 
     fn blocks(&mut self) -> Blocks<'_, T, K> {

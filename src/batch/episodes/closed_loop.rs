@@ -1,7 +1,8 @@
 //! Closed loop of many control periods, on one thread at a time.
 
-use super::chunk::Chunk;
+use super::chunk::{Chunk, frames};
 use super::outputs::{Outputs, Transition};
+use crate::batch::stepping::chunk::CHUNK;
 use crate::error::ControlError;
 use crate::lane::Real;
 use crate::task::{TaskDefinition, TaskKernel};
@@ -15,12 +16,13 @@ pub(super) trait Present {
 }
 
 impl<T: Real, K: TaskDefinition> Present for Chunk<'_, '_, T, K> {
-    fn perfect(&mut self, to: &mut [f32]) {
-        self.observe_perfect(to);
+    fn perfect(&mut self, observations: &mut [f32]) {
+        let all = &[true; CHUNK][..self.slots.len()];
+        self.observe_as(all, true, &mut Outputs { observations, ..Outputs::default() });
     }
 
     fn frames(&self) -> [Vec<f32>; 2] {
-        self.frames()
+        frames(&self.part.table.layout, self.part.rows, self.kernel.rows(), self.episodes, self.slots.len())
     }
 }
 

@@ -26,6 +26,7 @@ pub use chunk::Autoreset;
 use chunk::{Context, Rules};
 use closed_loop::LoopPart;
 use episode_slot::EpisodeSlot;
+use outputs::check_lengths;
 pub use outputs::{Final, Outputs, StepResult, Transition};
 pub use recording::{Recorder, Recording, Teacher};
 pub use rollout::{Rollout, RolloutStats, Trace};
@@ -91,7 +92,7 @@ impl TaskBatch {
         let base = task.base()?;
         let samples = task.scene_draws().map(SceneDraws::samples).unwrap_or_default();
         let options = SimulatorOptions { dt: task.options().dt, ..simulator };
-        let simulator = Simulator::with_samples(task.scene().clone(), &samples, options)?;
+        let simulator = Simulator::of(task.scene().clone(), None, &samples, options)?;
         let instances = simulator.instances();
         let storage = match simulator.options().precision {
             Precision::Double => storage::<f64>(&task, instances)?,
@@ -192,13 +193,11 @@ impl TaskBatch {
         given: &[StartOverride],
     ) -> Result<Beginning, TaskError> {
         let expected = self.instances();
-        let lengths = [("seeds", seeds.len()), ("mask", mask.map_or(expected, <[_]>::len))];
-        let starts = ("starts", if given.is_empty() { expected } else { given.len() });
-        for (what, got) in lengths.into_iter().chain([starts]) {
-            if got != expected {
-                return Err(ControlError::Shape { what, got, expected }.into());
-            }
-        }
+        check_lengths([
+            ("seeds", seeds.len(), expected),
+            ("mask", mask.map_or(expected, <[_]>::len), expected),
+            ("starts", if given.is_empty() { expected } else { given.len() }, expected),
+        ])?;
         let none = StartOverride::default();
         let mut begun = Vec::new();
         for (i, slot) in self.slots.iter().enumerate() {
@@ -244,13 +243,10 @@ impl TaskBatch {
     pub fn step_into(&mut self, actions: &[f32], out: Outputs<'_>) -> Result<Vec<Final>, TaskError> {
         self.task.check_actions(actions, self.instances())?;
         out.check(self.instances(), self.task.observation_len(), self.task.metric_names().len())?;
-        for (instance, slot) in self.slots.iter().enumerate() {
-            if !slot.begun {
-                return Err(TaskError::NotBegun { instance });
-            }
-            if slot.over && self.rules.autoreset == Autoreset::Disabled {
-                return Err(TaskError::Over { instance });
-            }
+        let waits = |slot: &EpisodeSlot| !slot.begun || (slot.over && self.rules.autoreset == Autoreset::Disabled);
+        if let Some(instance) = self.slots.iter().position(waits) {
+            let begun = self.slots[instance].begun;
+            return Err(if begun { TaskError::Over { instance } } else { TaskError::NotBegun { instance } });
         }
         let context = Context { task: &self.task, rules: self.rules, base: self.base.as_deref() };
         Ok(self.storage.step(&mut self.simulator, &mut self.slots, context, actions, out))
@@ -265,11 +261,7 @@ impl TaskBatch {
     pub fn run(&mut self, controller: &dyn Controller, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
         let memory = self.check_widths(controller)?.memory;
         let n = self.instances();
-        for (what, got, expected) in [("stats", rollout.stats.len(), n), ("memory", rollout.memory.len(), n * memory)] {
-            if got != expected {
-                return Err(ControlError::Shape { what, got, expected }.into());
-            }
-        }
+        check_lengths([("stats", rollout.stats.len(), n), ("memory", rollout.memory.len(), n * memory)])?;
         self.check_begun()?;
         self.close_loop(steps as usize, rollout.parts(controller))
     }
@@ -286,10 +278,7 @@ impl TaskBatch {
         if let Some(teacher) = recorder.teacher {
             self.check_widths(teacher.controller)?;
         }
-        if !noise.len().is_multiple_of(row) {
-            let expected = noise.len().next_multiple_of(row);
-            return Err(ControlError::Shape { what: "noise", got: noise.len(), expected }.into());
-        }
+        check_lengths([("noise", noise.len(), noise.len().next_multiple_of(row))])?;
         if let Some(at) = noise.iter().position(|x| !x.is_finite()) {
             let (instance, index) = (at / (noise.len() / n), at % self.task.action_len());
             return Err(TaskError::Action { instance, index, value: noise[at] });

@@ -24,12 +24,6 @@ impl Default for Outputs<'_> {
     }
 }
 
-/// Chunks of outputs.
-pub(super) struct Chunks<'a> {
-    rest: Outputs<'a>,
-    count: usize,
-}
-
 impl<'a> Outputs<'a> {
     /// Outputs of N instances, metrics as (k, N).
     pub fn new(
@@ -71,45 +65,35 @@ impl<'a> Outputs<'a> {
             ("terminated", self.terminated.len(), n),
             ("truncated", self.truncated.len(), n),
         ];
-        match lengths.into_iter().chain(rows).find(|(_, got, expected)| got != expected) {
-            Some((what, got, expected)) => Err(ControlError::Shape { what, got, expected }),
-            None => Ok(()),
-        }
+        check_lengths(lengths.into_iter().chain(rows))
     }
 
     /// Chunks of `count` instances; the last may have fewer.
-    pub(super) fn chunks(self, count: usize) -> Chunks<'a> {
-        Chunks { rest: self, count }
-    }
-}
-
-impl<'a> Iterator for Chunks<'a> {
-    type Item = Outputs<'a>;
-
-    fn next(&mut self) -> Option<Outputs<'a>> {
-        let (rest, count) = (&mut self.rest, self.count);
-        if rest.len() <= count {
-            let last = std::mem::take(rest);
-            return (!last.is_empty()).then_some(last);
-        }
-        let width = rest.observations.len() / rest.len();
-        Some(Outputs {
-            observations: split(&mut rest.observations, count * width),
-            rewards: split(&mut rest.rewards, count),
-            terminated: split(&mut rest.terminated, count),
-            truncated: split(&mut rest.truncated, count),
-            // Rows past the last metric are empty.
-            info: rest.info.each_mut().map(|row| split(row, count.min(row.len()))),
+    pub(super) fn chunks(mut self, count: usize) -> impl ExactSizeIterator<Item = Self> {
+        let width = self.observations.len() / self.len().max(1);
+        (0..self.len().div_ceil(count)).map(move |_| {
+            let count = count.min(self.len());
+            Self {
+                observations: split(&mut self.observations, count * width),
+                rewards: split(&mut self.rewards, count),
+                terminated: split(&mut self.terminated, count),
+                truncated: split(&mut self.truncated, count),
+                // Rows past the last metric are empty.
+                info: self.info.each_mut().map(|row| split(row, count.min(row.len()))),
+            }
         })
     }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.rest.len().div_ceil(self.count);
-        (left, Some(left))
-    }
 }
 
-impl ExactSizeIterator for Chunks<'_> {}
+/// Refuses an array, given by its name and its length, that has not the expected length.
+pub(super) fn check_lengths(
+    arrays: impl IntoIterator<Item = (&'static str, usize, usize)>,
+) -> Result<(), ControlError> {
+    match arrays.into_iter().find(|(_, got, expected)| got != expected) {
+        Some((what, got, expected)) => Err(ControlError::Shape { what, got, expected }),
+        None => Ok(()),
+    }
+}
 
 /// Takes the first `count` from a slice.
 pub(super) fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {

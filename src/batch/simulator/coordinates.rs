@@ -74,10 +74,6 @@ impl Directions for Coordinates<'_> {
         self.columns() - self.carried()
     }
 
-    fn payload(&self) -> bool {
-        self.parameters.contains(&PAYLOAD)
-    }
-
     fn seed(&self, i: usize, k: usize, column: &mut DerivativeColumn) {
         let width = self.arguments_width();
         let tangent =

@@ -5,7 +5,7 @@
 use nalgebra as na;
 
 use super::Simulator;
-use super::coordinates::{Argument, Coordinates, Product};
+use super::coordinates::{Argument, Coordinates, PAYLOAD, Product};
 use super::gradients::Gradients;
 use super::states::orthonormalised;
 use crate::batch::options::{Precision, SimulatorOptions};
@@ -139,12 +139,14 @@ impl Simulator {
             "the derivatives (take fewer instances)",
             &[2, options.instances, coordinates.width(), size_of::<f64>()],
         )?;
+        let payload = parameters.contains(&PAYLOAD);
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
         if let Product::Cotangents(of) = product {
             let gradients = Gradients { coordinates: &coordinates, of };
-            return Ok(blocks.pull_back(&settings, &inputs, &gradients, coordinates.width())?);
+            let by = [!parameters.is_empty(), payload];
+            return Ok(blocks.pull_back(&settings, &inputs, &gradients, by, coordinates.width())?);
         }
-        Ok(blocks.differentiate::<Duals>(&settings, &inputs, &coordinates, coordinates.width()))
+        Ok(blocks.differentiate::<Duals>(&settings, &inputs, &coordinates, payload, coordinates.width()))
     }
 
     /// A copy in double precision of a simulator in single precision, made on first use. It gets the present numbers of the

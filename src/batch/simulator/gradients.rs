@@ -1,7 +1,7 @@
 //! Gradients by the adjoint of steps, in the coordinates of their derivatives: the maps between coordinates and rows of
 //! [`super::coordinates`], transposed.
 
-use super::coordinates::{Coordinates, PAYLOAD};
+use super::coordinates::Coordinates;
 use crate::batch::stepping::adjoint::Cotangents;
 use crate::batch::stepping::derivative::DerivativeColumn;
 use crate::lie::{Matrix3, Vector3};
@@ -13,14 +13,6 @@ pub(super) struct Gradients<'a> {
 }
 
 impl Cotangents for Gradients<'_> {
-    fn factors(&self) -> bool {
-        !self.coordinates.parameters.is_empty()
-    }
-
-    fn payload(&self) -> bool {
-        self.coordinates.parameters.contains(&PAYLOAD)
-    }
-
     fn seed(&self, i: usize, column: &mut DerivativeColumn) {
         let layout = &column.start.table.layout;
         let of = &self.of[i * self.coordinates.size..][..self.coordinates.size];

@@ -93,17 +93,9 @@ impl Simulator {
         }
     }
 
-    /// Instances for [`Self::set_own`], which sets the numbers that differ between `samples`, scenes of one structure. Until then
-    /// all instances have the numbers of the first sample; all else is as in `scene`.
-    pub(in crate::batch) fn with_samples(
-        scene: Scene,
-        samples: &[Compiled],
-        options: SimulatorOptions,
-    ) -> Result<Self, SimulatorError> {
-        Self::of(scene, None, samples, options)
-    }
-
-    fn of(
+    /// Instances of `scene`, or of `scenes`, one for each. With `samples`, scenes of one structure, [`Self::set_own`] sets the
+    /// numbers that differ between these; until then all instances have the numbers of the first sample.
+    pub(in crate::batch) fn of(
         scene: Scene,
         scenes: Option<Vec<Scene>>,
         samples: &[Compiled],

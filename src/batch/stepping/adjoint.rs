@@ -6,21 +6,18 @@
 
 use std::mem::ManuallyDrop;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 use super::blocks::Blocks;
 use super::derivative::{DerivativeColumn, StartColumn};
 use super::parameters::{ScratchPool, StepSettings};
 use super::reverse::ReverseMemory;
 use super::step::Step;
-use super::threads::for_each;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::error::OutOfMemory;
 use crate::lane::{Kernel, Lane, Real, Tape};
 use crate::limits::{interrupt, memory};
-use crate::system::{InstanceSystem, System};
 
 /// Columns of a block.
 const COLUMNS: usize = f64::BLOCK;
@@ -29,10 +26,6 @@ const PORTION: usize = 1 << 12;
 
 /// Functions of the steps whose gradients are computed.
 pub trait Cotangents: Sync {
-    /// True where gradients by factors on the bodies are among them.
-    fn factors(&self) -> bool;
-    /// True where one by payloads is.
-    fn payload(&self) -> bool;
     /// Sets the cotangents of the stepped state of instance `i`: of the rotation three, of delta in `R exp([delta])`, in its first
     /// rows.
     fn seed(&self, i: usize, column: &mut DerivativeColumn);
@@ -41,8 +34,8 @@ pub trait Cotangents: Sync {
 }
 
 impl Blocks<f64> {
-    /// Gradients of all instances under these inputs: `width` numbers of each. The instances are not stepped. Numbers after an
-    /// interrupt are invalid.
+    /// Gradients of all instances under these inputs: `width` numbers of each, by factors on the bodies and by payloads only if
+    /// these are `by` true. The instances are not stepped. Numbers after an interrupt are invalid.
     ///
     /// # Errors
     /// [`OutOfMemory`] if the record of the steps does not fit into memory.
@@ -51,27 +44,12 @@ impl Blocks<f64> {
         settings: &StepSettings,
         inputs: &CheckedInputs,
         cotangents: &impl Cotangents,
+        by: [bool; 2],
         width: usize,
     ) -> Result<Vec<f64>, OutOfMemory> {
-        let size = self.table.layout.rows * COLUMNS;
-        let mut out = vec![0.0; self.instances * width];
-        let failure = Mutex::new(Ok(()));
-        if width > 0 {
-            let items = self.rows.chunks_exact(size).zip(out.chunks_mut(COLUMNS * width)).enumerate();
-            for_each(items, settings.threads, |(block, (rows, out))| {
-                if interrupt::requested() {
-                    return;
-                }
-                let first = block * COLUMNS;
-                let count = COLUMNS.min(self.instances - first);
-                let mut start = rows.to_vec();
-                self.table.apply(self.isa, &mut start, inputs, first, count);
-                if let Err(error) = self.pull_back_block(settings, cotangents, block, &start, out) {
-                    *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
-                }
-            });
-        }
-        failure.into_inner().unwrap_or_else(PoisonError::into_inner).map(|()| out)
+        self.each_block(settings, inputs, width, |block, start, out| {
+            self.pull_back_block(settings, cotangents, by, block, start, out)
+        })
     }
 
     /// Gradients of one block, whose rows have the inputs.
@@ -79,6 +57,7 @@ impl Blocks<f64> {
         &self,
         settings: &StepSettings,
         cotangents: &impl Cotangents,
+        [factors, payload]: [bool; 2],
         block: usize,
         start: &[f64],
         out: &mut [f64],
@@ -86,8 +65,7 @@ impl Blocks<f64> {
         let (table, scene) = (&self.table, &self.scene);
         let count = COLUMNS.min(self.instances - block * COLUMNS);
         let width = out.len() / count;
-        let [_, with_payload] = table.scaled(start);
-        let payload = with_payload || cotangents.payload();
+        let payload = table.scaled(start)[1] || payload;
         let mut rows = start.to_vec();
         let own = self.own.as_ref().map(|own| own.columns());
         let step = Step {
@@ -104,7 +82,7 @@ impl Blocks<f64> {
                 cotangents.seed(i, &mut DerivativeColumn { start, values: end, derivatives: of, column });
             }
         };
-        let (factors, pool) = (cotangents.factors(), &scene.adjoint_pools[2]);
+        let pool = &scene.adjoint_pools[2];
         let records = settings.threads.min(self.instances.div_ceil(COLUMNS));
         let mut kernel = Reverse { step, block, of: &mut of, seed: &seed, factors, pool, records, failure: Ok(()) };
         f64::dispatch_fused(self.isa, &mut kernel);
@@ -141,7 +119,7 @@ impl Kernel<f64> for Reverse<'_, '_> {
         let rows = std::mem::take(&mut step.blocks);
         let mut memory = step.memory::<L>();
         let mut reverse = self.pool.take().unwrap_or_else(make_memory::<L>);
-        let mut instances = ManuallyDrop::new(instances(step));
+        let mut instances = ManuallyDrop::new(step.system::<L>(step.unscaled));
         for first in (0..COLUMNS).step_by(L::LANES) {
             if first >= step.count {
                 break;
@@ -196,7 +174,7 @@ struct Portions {
 
 impl Portions {
     /// Sets the steps to the next portion, for which the record has room; false after the last one, at an interrupt, and where
-    /// memory ends. (A call, as the next two functions: the steps themselves contain none.)
+    /// memory ends. (A call, as the next function: the steps themselves contain none.)
     #[inline(never)]
     fn next(&mut self, step: &mut Step<f64>, tape: &mut Tape<f64>) -> Result<bool, OutOfMemory> {
         if self.next == self.end || interrupt::requested() {
@@ -221,20 +199,8 @@ impl Portions {
     }
 }
 
-/// Memory of the reverse. (A call, as the next: the steps themselves contain none.)
+/// Memory of the reverse.
 #[inline(never)]
 fn make_memory<L: Lane>() -> Box<ReverseMemory<L>> {
     Box::new(ReverseMemory::new())
-}
-
-/// Memory for the systems of a column group, with the parts of their bodies.
-#[inline(never)]
-fn instances<L: Lane<Real = f64>>(step: &Step<f64>) -> Box<InstanceSystem<L>> {
-    let has_payload =
-        |system: &System<L>| system.joints.last().map_or(&system.vehicle, |joint| &joint.body).payload.is_some();
-    let pooled: Option<Box<InstanceSystem<L>>> = step.system_pool.take();
-    pooled.filter(|pooled| has_payload(&pooled.system) == step.payload_attachment.is_some()).unwrap_or_else(|| {
-        let system = step.system.allocate_scaled(step.unscaled, step.payload_attachment);
-        Box::new(InstanceSystem::allocate(system, step.unscaled, step.payload_attachment))
-    })
 }

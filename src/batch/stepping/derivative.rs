@@ -4,7 +4,9 @@
 //! one direction: before the steps, slopes of state, loads and factors are the direction; afterwards, slopes of the state are the
 //! derivatives of the stepped state. Columns do not influence each other.
 
+use std::convert::Infallible;
 use std::mem::ManuallyDrop;
+use std::sync::{Mutex, PoisonError};
 
 use super::blocks::Blocks;
 use super::parameters::StepSettings;
@@ -78,8 +80,6 @@ impl DerivativeColumn<'_> {
 pub trait Directions: Sync {
     /// Directions of each instance, at least 1.
     fn count(&self) -> usize;
-    /// True where one changes payloads.
-    fn payload(&self) -> bool;
     /// Adds the slopes of direction `k` of instance `i`.
     fn seed(&self, i: usize, k: usize, column: &mut DerivativeColumn);
     /// Reads the derivatives of the steps of an instance along its direction `k` into the numbers of the instance.
@@ -102,30 +102,53 @@ impl Pairs for Duals {
 }
 
 impl Blocks<f64> {
-    /// Derivatives of the steps of all instances under these inputs, along all directions: `width` numbers of each instance. The
-    /// instances are not stepped. Numbers after an interrupt are invalid.
+    /// Derivatives of the steps of all instances under these inputs, along all directions, of which
+    /// some change payloads only if `payload`: `width` numbers of each instance. The instances are not stepped. Numbers after an interrupt are invalid.
     pub fn differentiate<N: Pairs>(
         &self,
         settings: &StepSettings,
         inputs: &CheckedInputs,
         directions: &impl Directions,
+        payload: bool,
         width: usize,
     ) -> Vec<f64> {
+        let done = self.each_block(settings, inputs, width, |block, rows, out| {
+            self.differentiate_block::<N>(settings, directions, payload, block, rows, out);
+            Ok::<_, Infallible>(())
+        });
+        let Ok(out) = done;
+        out
+    }
+
+    /// `width` numbers of each instance, which `work` writes: it has the number of each block, its rows with the inputs and the
+    /// numbers of its instances, and is not called after an interrupt.
+    ///
+    /// # Errors
+    /// An error of `work`.
+    pub(super) fn each_block<E: Send>(
+        &self,
+        settings: &StepSettings,
+        inputs: &CheckedInputs,
+        width: usize,
+        work: impl Fn(usize, &[f64], &mut [f64]) -> Result<(), E> + Sync,
+    ) -> Result<Vec<f64>, E> {
         let size = self.table.layout.rows * COLUMNS;
         let mut out = vec![0.0; self.instances * width];
+        let failure = Mutex::new(Ok(()));
         if width > 0 {
             let items = self.rows.chunks_exact(size).zip(out.chunks_mut(COLUMNS * width)).enumerate();
             for_each(items, settings.threads, |(block, (rows, out))| {
                 if interrupt::requested() {
                     return;
                 }
-                let mut rows = rows.to_vec();
-                let first = block * COLUMNS;
+                let (mut rows, first) = (rows.to_vec(), block * COLUMNS);
                 self.table.apply(self.isa, &mut rows, inputs, first, COLUMNS.min(self.instances - first));
-                self.differentiate_block::<N>(settings, directions, block, &rows, out);
+                if let Err(error) = work(block, &rows, out) {
+                    *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
+                }
             });
         }
-        out
+        failure.into_inner().unwrap_or_else(PoisonError::into_inner).map(|()| out)
     }
 
     /// Derivatives of one block, whose rows have the inputs.
@@ -133,6 +156,7 @@ impl Blocks<f64> {
         &self,
         settings: &StepSettings,
         directions: &impl Directions,
+        payload: bool,
         block: usize,
         rows: &[f64],
         out: &mut [f64],
@@ -140,8 +164,7 @@ impl Blocks<f64> {
         let (table, scene, count) = (&self.table, &self.scene, directions.count());
         let members = COLUMNS.min(self.instances - block * COLUMNS);
         let width = out.len() / members;
-        let [_, with_payload] = table.scaled(rows);
-        let payload = with_payload || directions.payload();
+        let payload = table.scaled(rows)[1] || payload;
         let own_rows = self.own.as_ref().map(|own| (&own.layout, own.columns().block(block)));
         let mut own = own_rows.map_or(Vec::new(), |(_, rows)| vec![0.0; rows.len()]);
         let mut dual = vec![0.0; 2 * rows.len()];

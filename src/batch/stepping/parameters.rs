@@ -9,8 +9,8 @@ use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::OwnColumns;
 use crate::integrate::Integrator;
-use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, System, UnscaledBodyTerms};
+use crate::lane::{Isa, Lane, Real, Shared};
+use crate::system::{Compiled, Factors, InstanceSystem, System, UnscaledBodyTerms};
 
 /// Settings of a call that steps.
 #[derive(Debug, Clone, Copy)]
@@ -148,6 +148,20 @@ impl<T: Real> Parameters<T> {
 }
 
 impl<T: Real> Step<'_, T> {
+    /// A system with parameters per instance and these `parts` of its bodies: from the pool where instances differ.
+    #[inline(never)]
+    pub(super) fn system<L: Lane<Real = T>>(&self, parts: &[UnscaledBodyTerms<Shared<T>>]) -> Box<InstanceSystem<L>> {
+        let has_payload =
+            |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
+        let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();
+        let pooled = if self.scaled { self.system_pool.take().filter(|pooled: &Box<_>| fits(pooled)) } else { None };
+        pooled.unwrap_or_else(|| {
+            let scaled = if self.scaled { self.unscaled } else { &[] };
+            let system = self.system.allocate_scaled(scaled, self.payload_attachment);
+            Box::new(InstanceSystem::allocate(system, parts, self.payload_attachment))
+        })
+    }
+
     /// Steps the blocks.
     pub fn run(&mut self, isa: Isa) {
         if (self.scaled || self.integrator.needs_baseline_terms()) && isa.is_wide() {

@@ -10,7 +10,7 @@ use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
 use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustProfiles, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{
-    Explicit, ExplicitAdjoint, Implicit, ImplicitAdjoint, Integrator, Motion, MotionCotangents, StepRecord,
+    ExplicitAdjoint, ImplicitAdjoint, Integrator, MethodAdjoint, Motion, MotionCotangents, StepRecord,
 };
 use crate::lane::{Lane, Real, Routine, Tape};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -69,33 +69,16 @@ impl<L: Lane> ReverseMemory<L> {
     }
 }
 
-/// Reverse of a sub-interval of an explicit method, as a routine of its own.
-struct ExplicitReverse<'a, 'b, 'c, L: Lane> {
-    method: &'a Explicit,
+/// Reverse of a sub-interval of a method, as a routine of its own.
+struct ReverseSubInterval<'a, 'b, 'c, L: Lane, A: MethodAdjoint<L, JOINTS>> {
+    method: &'a A::Method,
     tape: &'a mut Tape<L::Real>,
-    adjoint: &'a mut ExplicitAdjoint<L, JOINTS>,
+    adjoint: &'a mut A,
     equations: &'a mut EquationsAdjoint<'b, 'c, L>,
     of_motion: &'a mut MotionCotangents<L, JOINTS>,
 }
 
-impl<L: Lane> Routine<L> for ExplicitReverse<'_, '_, '_, L> {
-    #[inline(always)]
-    fn run(&mut self) {
-        let Self { method, tape, adjoint, equations, of_motion } = self;
-        adjoint.reverse(method, tape, *equations, of_motion);
-    }
-}
-
-/// Reverse of a sub-interval of a linearly implicit method, as a routine of its own.
-struct ImplicitReverse<'a, 'b, 'c, L: Lane> {
-    method: &'a Implicit,
-    tape: &'a mut Tape<L::Real>,
-    adjoint: &'a mut ImplicitAdjoint<L, JOINTS>,
-    equations: &'a mut EquationsAdjoint<'b, 'c, L>,
-    of_motion: &'a mut MotionCotangents<L, JOINTS>,
-}
-
-impl<L: Lane> Routine<L> for ImplicitReverse<'_, '_, '_, L> {
+impl<L: Lane, A: MethodAdjoint<L, JOINTS>> Routine<L> for ReverseSubInterval<'_, '_, '_, L, A> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { method, tape, adjoint, equations, of_motion } = self;
@@ -257,12 +240,12 @@ impl<T: Real> Step<'_, T> {
                 match &self.integrator {
                     Integrator::Explicit(method) => {
                         let adjoint = &mut *explicit;
-                        L::call(&mut ExplicitReverse { method, tape, adjoint, equations, of_motion });
+                        L::call(&mut ReverseSubInterval { method, tape, adjoint, equations, of_motion });
                         ends = *adjoint.start();
                     }
                     Integrator::LinearlyImplicit(method) => {
                         let adjoint = &mut *implicit;
-                        L::call(&mut ImplicitReverse { method, tape, adjoint, equations, of_motion });
+                        L::call(&mut ReverseSubInterval { method, tape, adjoint, equations, of_motion });
                         ends = *adjoint.start();
                     }
                 }

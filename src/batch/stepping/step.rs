@@ -256,17 +256,8 @@ impl<'a, T: Real> Step<'a, T> {
         &self,
         needed: bool,
     ) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
-        let has_payload =
-            |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
-        let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();
-        let pooled = if self.scaled { self.system_pool.take().filter(|pooled: &Box<_>| fits(pooled)) } else { None };
-        let make = || {
-            let scaled = if self.scaled { self.unscaled } else { &[] };
-            let system = self.system.allocate_scaled(scaled, self.payload_attachment);
-            let parts = if self.own.is_some() || self.lag_filter.is_some() { self.unscaled } else { &[] };
-            Box::new(InstanceSystem::allocate(system, parts, self.payload_attachment))
-        };
-        (self.memory(), needed.then(|| pooled.unwrap_or_else(make)))
+        let parts = if self.own.is_some() || self.lag_filter.is_some() { self.unscaled } else { &[] };
+        (self.memory(), needed.then(|| self.system(parts)))
     }
 
     /// Returns both to their pools.

@@ -183,12 +183,6 @@ fn gradients_have_the_same_bits_for_any_number_of_instances_and_threads() {
 struct RandomCotangents;
 
 impl Cotangents for RandomCotangents {
-    fn factors(&self) -> bool {
-        true
-    }
-    fn payload(&self) -> bool {
-        true
-    }
     fn seed(&self, i: usize, column: &mut DerivativeColumn) {
         let (table, mut random) = (column.start.table, Random::new(i as u64));
         let layout = &table.layout;
@@ -213,12 +207,6 @@ impl Cotangents for RandomCotangents {
 struct Ends;
 
 impl Cotangents for Ends {
-    fn factors(&self) -> bool {
-        true
-    }
-    fn payload(&self) -> bool {
-        true
-    }
     fn seed(&self, _: usize, _: &mut DerivativeColumn) {}
     fn read(&self, _: usize, column: &DerivativeColumn, out: &mut [f64]) {
         out.iter_mut().enumerate().for_each(|(row, out)| *out = column.value(row));
@@ -230,7 +218,7 @@ fn recorded_steps_are_those_of_the_simulator() {
     for scene in scenes() {
         for name in production() {
             with_case(&scene, (9, 3), (name, 1e-9, Isa::Avx2), |blocks, settings, inputs, _| {
-                let recorded = blocks.pull_back(settings, inputs, &Ends, blocks.column_len()).unwrap();
+                let recorded = blocks.pull_back(settings, inputs, &Ends, [true; 2], blocks.column_len()).unwrap();
                 blocks.step(settings, Some(inputs));
                 let stepped: Vec<_> = (0..9).flat_map(|i| blocks.column(i)).map(f64::to_bits).collect();
                 let recorded: Vec<_> = recorded.into_iter().map(f64::to_bits).collect();
@@ -247,7 +235,8 @@ fn gradients_have_the_same_bits_in_all_lanes() {
             let [fma, others @ ..] = [Isa::Fma, Isa::Avx2, Isa::Avx512].map(|isa| {
                 let mut bits = Vec::new();
                 with_case(&scene, (9, 2), (name, Gains::DEFAULT.tolerance, isa), |blocks, settings, inputs, _| {
-                    let gradients = blocks.pull_back(settings, inputs, &RandomCotangents, blocks.column_len()).unwrap();
+                    let (of, width) = (&RandomCotangents, blocks.column_len());
+                    let gradients = blocks.pull_back(settings, inputs, of, [true; 2], width).unwrap();
                     bits = gradients.into_iter().map(f64::to_bits).collect();
                 });
                 bits

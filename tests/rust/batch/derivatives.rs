@@ -33,9 +33,6 @@ impl<F: Fn(usize, usize) -> Vec<(usize, f64)> + Sync> Directions for Rows<F> {
     fn count(&self) -> usize {
         self.count
     }
-    fn payload(&self) -> bool {
-        true
-    }
     fn seed(&self, i: usize, k: usize, column: &mut DerivativeColumn) {
         (self.change)(i, k).into_iter().for_each(|(row, amount)| column.add(row, amount));
     }
@@ -132,7 +129,7 @@ fn values_of_duals_are_those_of_steps() {
                         (0..rows).map(|row| (row, random.between(-1.0, 1.0))).collect()
                     };
                     let directions = Rows { count: 3, change, read: (0..rows).collect() };
-                    let pairs = blocks.differentiate::<Duals>(settings, inputs, &directions, 6 * rows);
+                    let pairs = blocks.differentiate::<Duals>(settings, inputs, &directions, true, 6 * rows);
                     blocks.step(settings, Some(inputs));
                     for (i, pairs) in pairs.chunks_exact(6 * rows).enumerate() {
                         let stepped: Vec<_> = blocks.column(i).into_iter().map(f64::to_bits).collect();
@@ -187,10 +184,10 @@ fn val_slopes_of_duals_are_differences_with_106_bits() {
                 let (count, from) = (changed.len(), &changed);
                 let change = |_, k: usize| vec![(from[k], 1.0)];
                 let directions = Rows { count, change, read: read.clone() };
-                let duals = blocks.differentiate::<Duals>(settings, inputs, &directions, width);
+                let duals = blocks.differentiate::<Duals>(settings, inputs, &directions, true, width);
                 let change = |_, k: usize| vec![(from[k / 2], if k.is_multiple_of(2) { CHANGE } else { -CHANGE })];
                 let directions = Rows { count: 2 * count, change, read: read.clone() };
-                let ends = blocks.differentiate::<Expanded>(settings, inputs, &directions, 2 * width);
+                let ends = blocks.differentiate::<Expanded>(settings, inputs, &directions, true, 2 * width);
                 let pairs = duals.chunks_exact(2 * read.len()).zip(ends.chunks_exact(4 * read.len()));
                 for ((duals, ends), row) in pairs.zip(&changed) {
                     let (up, down) = ends.split_at(2 * read.len());
