@@ -4,7 +4,7 @@ use super::episode_slot::EpisodeSlot;
 use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
 use super::outputs::{Final, Outputs, Transition};
 use crate::batch::stepping::chunk::{CHUNK, PhysicsChunk};
-use crate::batch::storage::layout::Layout;
+use crate::batch::storage::layout::{Layout, index};
 use crate::control::Controller;
 use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
@@ -221,9 +221,8 @@ pub(super) fn frames<T: Real>(
 fn gather<T: Real>(blocks: &[T], rows: usize, runs: &[(usize, usize)], count: usize) -> Vec<f32> {
     let mut out = Vec::with_capacity(count * runs.iter().map(|(_, count)| count).sum::<usize>());
     for i in 0..count {
-        let (block, lane) = (&blocks[i / T::BLOCK * rows * T::BLOCK..], i % T::BLOCK);
         for &(first, count) in runs {
-            out.extend((first..first + count).map(|row| block[row * T::BLOCK + lane].to_f64() as f32));
+            out.extend((first..first + count).map(|row| blocks[index::<T>(rows, i, row)].to_f64() as f32));
         }
     }
     out
@@ -231,14 +230,12 @@ fn gather<T: Real>(blocks: &[T], rows: usize, runs: &[(usize, usize)], count: us
 
 /// Numbers of instance `i` in blocks of `rows` rows.
 pub(super) fn column<T: Real>(blocks: &[T], rows: usize, i: usize) -> Vec<f64> {
-    let (block, lane) = (i / T::BLOCK, i % T::BLOCK);
-    (0..rows).map(|row| blocks[(block * rows + row) * T::BLOCK + lane].to_f64()).collect()
+    (0..rows).map(|row| blocks[index::<T>(rows, i, row)].to_f64()).collect()
 }
 
 /// Sets the numbers of instance `i` in blocks of as many rows as there are numbers.
 pub(super) fn set_column<T: Real>(blocks: &mut [T], i: usize, numbers: &[f64]) {
-    let (block, lane) = (i / T::BLOCK, i % T::BLOCK);
     for (row, x) in numbers.iter().enumerate() {
-        blocks[(block * numbers.len() + row) * T::BLOCK + lane] = T::from_f64(*x);
+        blocks[index::<T>(numbers.len(), i, row)] = T::from_f64(*x);
     }
 }

@@ -30,7 +30,7 @@ use outputs::check_lengths;
 pub use outputs::{Final, Outputs, StepResult, Transition};
 pub use recording::{Recorder, Recording, Teacher};
 pub use rollout::{Rollout, RolloutStats, Trace};
-use storage::{TaskBlocks, TaskStorage};
+use storage::{Members, TaskBlocks, TaskStorage};
 
 /// Result of a reset.
 #[derive(Debug, Clone, PartialEq)]
@@ -248,8 +248,8 @@ impl TaskBatch {
             let begun = self.slots[instance].begun;
             return Err(if begun { TaskError::Over { instance } } else { TaskError::NotBegun { instance } });
         }
-        let context = Context { task: &self.task, rules: self.rules, base: self.base.as_deref() };
-        Ok(self.storage.step(&mut self.simulator, &mut self.slots, context, actions, out))
+        let (members, storage) = self.members(self.rules);
+        Ok(storage.step(members, actions, out))
     }
 
     /// `steps` control periods of all instances under a controller, from their current states: bit for bit the numbers of as
@@ -292,8 +292,15 @@ impl TaskBatch {
     /// Runs a closed loop; ended episodes stay as they are.
     fn close_loop(&mut self, steps: usize, parts: Vec<Box<dyn LoopPart + '_>>) -> Result<(), TaskError> {
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let context = Context { task: &self.task, rules, base: self.base.as_deref() };
-        Ok(self.storage.run(&mut self.simulator, &mut self.slots, context, steps, parts)?)
+        let (members, storage) = self.members(rules);
+        Ok(storage.run(members, steps, parts)?)
+    }
+
+    /// All instances under these rules, and the memory of their episodes.
+    fn members(&mut self, rules: Rules) -> (Members<'_>, &mut dyn TaskStorage) {
+        let Self { task, base, simulator, slots, storage, .. } = self;
+        let context = Context { task, rules, base: base.as_deref() };
+        (Members { simulator, slots, context }, &mut **storage)
     }
 
     /// Frames of all instances, for gradients: memories (N, .), and states (N, .) with rotation by rows (9), position, twist, joint

@@ -16,23 +16,21 @@ use crate::lane::Real;
 use crate::system::State;
 use crate::task::{Task, TaskDefinition, TaskKernel};
 
+/// All instances of a batch: physics, episodes, and what they have in common.
+pub(super) struct Members<'a> {
+    pub simulator: &'a mut Simulator,
+    pub slots: &'a mut [EpisodeSlot],
+    pub context: Context<'a>,
+}
+
 /// Episode memory of all instances, independent of task and precision.
 pub(super) trait TaskStorage: Send + Sync {
     /// One control period of all instances under `actions` (N, a); returns the ends of replaced episodes, by instance.
-    fn step(
-        &mut self,
-        simulator: &mut Simulator,
-        slots: &mut [EpisodeSlot],
-        context: Context<'_>,
-        actions: &[f32],
-        out: Outputs<'_>,
-    ) -> Vec<Final>;
+    fn step(&mut self, members: Members<'_>, actions: &[f32], out: Outputs<'_>) -> Vec<Final>;
     /// Control periods of all instances in a closed loop, of which each chunk has a part; ended episodes stay as they are.
     fn run(
         &mut self,
-        simulator: &mut Simulator,
-        slots: &mut [EpisodeSlot],
-        context: Context<'_>,
+        members: Members<'_>,
         steps: usize,
         parts: Vec<Box<dyn LoopPart + '_>>,
     ) -> Result<(), ControlError>;
@@ -79,9 +77,7 @@ impl<T: Real, K: TaskDefinition> TaskBlocks<T, K> {
     /// Calls `work` on each chunk with its item, on the threads of the simulator.
     fn for_each_chunk<I: Send>(
         &mut self,
-        simulator: &mut Simulator,
-        slots: &mut [EpisodeSlot],
-        context: Context<'_>,
+        Members { simulator, slots, context }: Members<'_>,
         items: impl ExactSizeIterator<Item = I> + Send,
         work: impl Fn(&mut Chunk<'_, '_, T, K>, I) + Sync,
     ) {
@@ -96,17 +92,10 @@ impl<T: Real, K: TaskDefinition> TaskBlocks<T, K> {
 }
 
 impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
-    fn step(
-        &mut self,
-        simulator: &mut Simulator,
-        slots: &mut [EpisodeSlot],
-        context: Context<'_>,
-        actions: &[f32],
-        out: Outputs<'_>,
-    ) -> Vec<Final> {
+    fn step(&mut self, members: Members<'_>, actions: &[f32], out: Outputs<'_>) -> Vec<Final> {
         let finals = Mutex::new(Vec::new());
-        let items = actions.chunks(CHUNK * context.task.action_len()).zip(out.chunks(CHUNK));
-        self.for_each_chunk(simulator, slots, context, items, |chunk, (actions, mut out)| {
+        let items = actions.chunks(CHUNK * members.context.task.action_len()).zip(out.chunks(CHUNK));
+        self.for_each_chunk(members, items, |chunk, (actions, mut out)| {
             let mut ended = Vec::new();
             chunk.step(actions, &mut out, &mut ended);
             if !ended.is_empty() {
@@ -120,14 +109,12 @@ impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
 
     fn run(
         &mut self,
-        simulator: &mut Simulator,
-        slots: &mut [EpisodeSlot],
-        context: Context<'_>,
+        members: Members<'_>,
         steps: usize,
         parts: Vec<Box<dyn LoopPart + '_>>,
     ) -> Result<(), ControlError> {
         let failure = Mutex::new(Ok(()));
-        self.for_each_chunk(simulator, slots, context, parts.into_iter(), |chunk, mut part| {
+        self.for_each_chunk(members, parts.into_iter(), |chunk, mut part| {
             if let Err(error) = closed_loop::run(chunk, &mut *part, steps) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
             }

@@ -11,7 +11,7 @@ use super::threads::for_each;
 use crate::batch::monitoring::step_quality::{StepQuality, Violations};
 use crate::batch::storage::aligned::Aligned;
 use crate::batch::storage::inputs::CheckedInputs;
-use crate::batch::storage::layout::Layout;
+use crate::batch::storage::layout::{Layout, index};
 use crate::batch::storage::own_numbers::OwnNumbers;
 use crate::batch::storage::table::Table;
 use crate::error::SimulatorError;
@@ -332,8 +332,8 @@ impl<T: Real> Storage for Blocks<T> {
             out: &mut out,
         };
         T::dispatch_narrow(self.isa, &mut kernel);
-        let entry = |i: usize, k: usize| out[(i / T::BLOCK * width + k) * T::BLOCK + i % T::BLOCK].to_f64();
-        (0..self.instances).flat_map(|i| (0..width).map(move |k| (i, k))).map(|(i, k)| entry(i, k)).collect()
+        let entries = (0..self.instances).flat_map(|i| (0..width).map(move |k| index::<T>(width, i, k)));
+        entries.map(|at| out[at].to_f64()).collect()
     }
 
     fn bytes_per_instance(&self) -> usize {

@@ -6,6 +6,12 @@ use crate::lane::Real;
 use crate::system::{FACTORS, JOINTS};
 use crate::terms::FINS;
 
+/// Index of the number in row `row` of instance `i` in blocks of `rows` rows.
+#[inline]
+pub fn index<T: Real>(rows: usize, i: usize, row: usize) -> usize {
+    (i / T::BLOCK * rows + row) * T::BLOCK + i % T::BLOCK
+}
+
 /// First row of each quantity. All numbers of an instance lie in one column of its block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {

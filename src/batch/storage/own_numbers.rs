@@ -1,6 +1,7 @@
 //! Numbers of the system that differ between instances.
 
 use super::aligned::Aligned;
+use super::layout::index;
 use crate::error::SimulatorError;
 use crate::lane::{Lane, Numbers, Real, Routine, RunVisitor};
 use crate::limits::interrupt;
@@ -45,8 +46,7 @@ impl OwnLayout {
     /// Copies the numbers of instance `i` of such rows to column `column` of others in double precision.
     pub fn copy<T: Real>(&self, rows: &[T], i: usize, to: &mut [f64], column: usize) {
         for row in 0..self.width {
-            let at = (column / f64::BLOCK * self.width + row) * f64::BLOCK + column % f64::BLOCK;
-            to[at] = rows[(i / T::BLOCK * self.width + row) * T::BLOCK + i % T::BLOCK].to_f64();
+            to[index::<f64>(self.width, column, row)] = rows[index::<T>(self.width, i, row)].to_f64();
         }
     }
 
@@ -58,8 +58,7 @@ impl OwnLayout {
                 continue;
             };
             for (k, number) in run.into_iter().enumerate() {
-                let row = i / T::BLOCK * self.width + *first as usize + k;
-                rows[row * T::BLOCK + i % T::BLOCK] = T::from_f64(number);
+                rows[index::<T>(self.width, i, *first as usize + k)] = T::from_f64(number);
             }
         }
     }

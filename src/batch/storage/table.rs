@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra as na;
 
 use super::inputs::InstanceLoads;
-use super::layout::Layout;
+use super::layout::{Layout, index};
 use crate::batch::monitoring::step_quality::StepQuality;
 use crate::hydro::Thrusts;
 use crate::integrate::{Attitude, step_error, stiffness};
@@ -25,7 +25,7 @@ pub struct Table {
 
 impl Table {
     fn index<T: Real>(&self, i: usize, row: usize) -> usize {
-        (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
+        index::<T>(self.layout.rows, i, row)
     }
 
     /// Number in row `row`.
