@@ -42,7 +42,7 @@ impl Precision {
 }
 
 /// Options of a [`super::Simulator`].
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SimulatorOptions {
     /// Number of instances.
     pub instances: usize,

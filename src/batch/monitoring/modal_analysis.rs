@@ -8,7 +8,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 
 use super::step_monitor::{InaccurateStep, OtherIntegrators, digits};
 use super::step_quality::ACCUMULATED_LIMIT;
-use crate::batch::options::{Precision, SimulatorOptions};
+use crate::batch::options::SimulatorOptions;
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
@@ -357,23 +357,16 @@ impl Simulator {
     /// whose accumulated error is beyond [`super::step_quality::ACCUMULATED_LIMIT`].
     pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
         let (cause, violation) = self.monitor.take_violation()?;
-        let SimulatorOptions { dt, integrator, instances, .. } = self.options().clone();
-        let (scene, range) = (self.scene().name.clone(), self.range);
-        let (order, adaptive) = (self.integrator().order(), self.integrator().adaptive());
         // None of an episode that has begun anew since.
         let estimate = self
             .estimate_of(violation.instance)
             .filter(|estimate| estimate.relative > ACCUMULATED_LIMIT || estimate.relative.is_nan());
-        let single = self.options().precision == Precision::Single;
         Some(InaccurateStep {
-            scene,
-            integrator,
-            order,
-            adaptive,
-            single,
-            dt,
-            range,
-            instances,
+            scene: self.scene().name.clone(),
+            options: self.options().clone(),
+            order: self.integrator().order(),
+            adaptive: self.integrator().adaptive(),
+            range: self.range,
             cause,
             violation,
             estimate,

@@ -7,6 +7,7 @@ use super::step_quality::{
     ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, FOLLOWED_ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality,
     StepViolation, Violations,
 };
+use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;
@@ -153,20 +154,14 @@ impl StepMonitor {
 pub struct InaccurateStep {
     /// Name of the scene.
     pub scene: String,
-    /// Name of the integrator.
-    pub integrator: String,
-    /// Its order.
+    /// Options of the simulator.
+    pub options: SimulatorOptions,
+    /// Order of the integrator.
     pub order: usize,
     /// True where it chooses sub-intervals by its tolerance.
     pub adaptive: bool,
-    /// True in single precision, whose rounding is part of an accumulated error.
-    pub single: bool,
-    /// Step, s.
-    pub dt: f64,
     /// Maximum `h |lambda|` at which the integrator is accurate.
     pub range: f64,
-    /// Number of instances N.
-    pub instances: usize,
     /// Cause of the warning.
     pub cause: Cause,
     /// The instances.
@@ -177,8 +172,8 @@ pub struct InaccurateStep {
 
 impl fmt::Display for InaccurateStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, integrator, order, adaptive, single, dt, range, instances, cause, violation, estimate } =
-            self;
+        let Self { scene, options, order, adaptive, range, cause, violation, estimate } = self;
+        let SimulatorOptions { integrator, dt, instances, precision, .. } = options;
         let StepViolation { instance, count, time, quality: StepQuality { stiffness, error, accumulated } } =
             *violation;
         write!(f, "scene '{scene}', instance {instance}")?;
@@ -201,7 +196,8 @@ impl fmt::Display for InaccurateStep {
             }
             let (percent, limit) = (100.0 * accumulated, 100.0 * ACCUMULATED_LIMIT);
             write!(f, "{percent:.1} % of the motion, limit {limit:.0} %")?;
-            if *single && accumulated < KNOWN_LIMIT {
+            // Rounding in single precision is part of the error.
+            if *precision == Precision::Single && accumulated < KNOWN_LIMIT {
                 write!(f, "); double precision or a smaller step may do")
             } else if *adaptive {
                 write!(f, "); a smaller tolerance would do")

@@ -8,6 +8,7 @@ use super::chunk::{CHUNK, PhysicsChunk};
 use super::companion::{ChunkCompanions, CompanionScene, Companions, Follow};
 use super::parameters::{Parameters, StepSettings};
 use super::threads::for_each;
+use super::track::Stage;
 use crate::batch::monitoring::step_quality::{StepQuality, Violations};
 use crate::batch::storage::aligned::Aligned;
 use crate::batch::storage::inputs::CheckedInputs;
@@ -266,8 +267,8 @@ impl<T: Real> Storage for Blocks<T> {
         if let Some(own) = &mut self.own {
             own.layout.set(&mut own.rows, i, compiled);
         }
-        if let Some((_, companions, k)) = self.companions_of(i) {
-            companions.own_changed(k);
+        if let Some(track) = self.companions_of(i).and_then(|(_, companions, k)| companions.track(k)) {
+            track.own_stale = true;
         }
     }
 
@@ -293,7 +294,9 @@ impl<T: Real> Storage for Blocks<T> {
         self.scaled[i / CHUNK] = None;
         let numbers = &column[self.table.layout.rows..];
         if let Some((scene, companions, k)) = self.companions_of(i) {
-            companions.restart(k);
+            if let Some(track) = companions.track(k) {
+                track.stage = Stage::Fresh;
+            }
             if scene.saved() > 0 {
                 companions.load(scene, k, numbers);
             }

@@ -59,8 +59,8 @@ impl<T: Real> PhysicsChunk<'_, T> {
         if let Some((layout, rows)) = &mut self.own {
             layout.set(rows, k, compiled);
         }
-        if let Some((_, companions)) = &mut self.companions {
-            companions.own_changed(k);
+        if let Some(track) = self.companions.as_mut().and_then(|(_, companions)| companions.track(k)) {
+            track.own_stale = true;
         }
     }
 

@@ -223,18 +223,9 @@ impl ChunkCompanions {
         }
     }
 
-    /// Lets the companion of instance `i` copy all numbers of the instance before the next step.
-    pub fn restart(&mut self, i: usize) {
-        if let Some(column) = self.column(i) {
-            self.tracks[column].stage = Stage::Fresh;
-        }
-    }
-
-    /// Lets the companion of instance `i` copy the instance's own numbers before the next step.
-    pub fn own_changed(&mut self, i: usize) {
-        if let Some(column) = self.column(i) {
-            self.tracks[column].own_stale = true;
-        }
+    /// Track of the companion of instance `i`, if there is one.
+    pub fn track(&mut self, i: usize) -> Option<&mut Track> {
+        self.column(i).map(|column| &mut self.tracks[column])
     }
 
     /// Changes the velocities of the companion of instance `i` as the velocities of the instance change.
