@@ -1,6 +1,7 @@
 //! Adjoint of steps: gradients are the cotangent times the Jacobian by dual numbers.
 
 use crate::batch::derivatives::{production, scenes, with_case};
+use crate::batch::inputs::{GENTLE, RandomInputs, Sizes};
 use crate::random_scene::{Random, random_state};
 use nalgebra::Vector3;
 use uvms_gym::batch::insides::{Cotangents, DerivativeColumn, Storage};
@@ -10,18 +11,10 @@ use uvms_gym::integrate::Gains;
 use uvms_gym::lane::Isa;
 use uvms_gym::system::{FACTORS, Factors, Flow};
 
-/// Simulator of a scene in random states, and numbers for all of its inputs.
+/// Simulator of a scene in random states, and its inputs.
 struct Case {
     simulator: Simulator,
-    thrust: Vec<f64>,
-    fin: Vec<f64>,
-    wrench: Vec<f64>,
-    torque: Vec<f64>,
-    target: Vec<f64>,
-    external: Vec<f64>,
-    pose: Vec<f64>,
-    follows: bool,
-    servo: bool,
+    inputs: RandomInputs,
 }
 
 impl Case {
@@ -33,49 +26,23 @@ impl Case {
     fn with_options(scene: &Scene, options: SimulatorOptions) -> Self {
         let instances = options.instances;
         let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        let (joints, thrusters) = (scene.joints().count(), scene.vehicle.thrusters.len());
-        let mut random = Random::new(7);
-        // Numbers of an instance do not depend on how many there are.
-        let mut numbers = |count: usize, size: f64| -> Vec<f64> {
-            let seed = random.bits();
-            let row = |i: usize| {
-                let mut random = Random::new(seed ^ i as u64);
-                (0..count).map(|_| random.between(-size, size)).collect::<Vec<_>>()
-            };
-            (0..instances).flat_map(row).collect()
-        };
-        let (thrust, fin) = (numbers(thrusters, 20.0), numbers(scene.vehicle.fins.len(), 0.4));
-        let (wrench, torque) = (numbers(6, 5.0), numbers(joints, 3.0));
-        let (target, external) = (numbers(3 * joints, 0.3), numbers(6 * (joints + 1), 0.1));
-        let mut pose = Vec::new();
+        let (joints, mut factors) = (scene.joints().count(), Vec::new());
         let flow = Flow { velocity: Vector3::new(0.1, -0.2, 0.05), acceleration: Vector3::new(0.02, 0.01, -0.03) };
-        let mut factors = Vec::new();
         for i in 0..instances {
             let mut state = random_state(i as u64, scene);
             state.thrust.iter_mut().take(simulator.state_size() - 12 - 2 * joints).for_each(|x| *x = 1.5);
             simulator.set_state(i, &state);
             simulator.set_flow(i, flow);
             factors.push(Factors::from_array(std::array::from_fn(|k| 0.8 + 0.05 * (k + i % 3) as f64)));
-            let target = random_state(100 + i as u64, scene);
-            pose.extend(target.position.iter().chain(target.rotation.transpose().iter()));
         }
         simulator.set_factors(&factors).unwrap();
-        let follows = scene.joints().any(|joint| joint.servo.is_some() || joint.prescribed);
-        let servo = scene.vehicle.servo.is_some();
-        Self { simulator, thrust, fin, wrench, torque, target, external, pose, follows, servo }
+        let inputs = RandomInputs::of_count(instances, scene, Sizes { thrust: 1.2, torque: 3.0, ..GENTLE });
+        Self { simulator, inputs }
     }
 
     /// Gradients of all instances, and the cotangents times their Jacobians with the sums of magnitudes.
     fn gradients(&mut self, substeps: usize, jacobians: bool) -> (Vec<f64>, Vec<(f64, f64)>) {
-        let inputs = Inputs {
-            thrust: Some(&self.thrust),
-            fin: Some(&self.fin),
-            wrench: Some(&self.wrench),
-            joint_torque: Some(&self.torque),
-            joint_target: self.follows.then_some(&self.target),
-            external: Some(&self.external),
-            pose_target: self.servo.then_some(&self.pose),
-        };
+        let inputs = self.inputs.inputs(self.simulator.scene());
         let (size, parameters): (_, Vec<usize>) = (self.simulator.state_size(), (0..FACTORS).collect());
         let row = |i: u64| {
             let mut random = Random::new(i);

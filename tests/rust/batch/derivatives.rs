@@ -1,12 +1,13 @@
 //! Derivatives of steps: their values are those of the steps, bit for bit, and their slopes differences with 106 bits.
 
+use crate::batch::inputs::{GENTLE, RandomInputs};
 use crate::double_double::DoubleDouble;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::Vector3;
+use uvms_gym::batch::SimulatorOptions;
 use uvms_gym::batch::insides::{
     Blocks, CheckedInputs, DerivativeColumn, Directions, Duals, Layout, Pairs, Step, StepSettings, Storage, step_pairs,
 };
-use uvms_gym::batch::{Inputs, SimulatorOptions};
 use uvms_gym::control::Allocation;
 use uvms_gym::description::Scene;
 use uvms_gym::integrate::{Gains, Integrator, Kind};
@@ -51,33 +52,11 @@ pub fn with_case(
 ) {
     let integrator = Integrator::named(name, &Gains { tolerance, ..Gains::DEFAULT }).unwrap();
     let compiled = compile(scene);
-    let (allocation, joints) = (Allocation::new(&scene.vehicle).unwrap(), compiled.links.len());
+    let allocation = Allocation::new(&scene.vehicle).unwrap();
     let options = SimulatorOptions { instances, ..SimulatorOptions::default() };
-    let mut random = Random::new(3);
-    let mut numbers =
-        |count: usize, size: f64| (0..count * instances).map(|_| random.between(-size, size)).collect::<Vec<_>>();
-    let thrust = numbers(allocation.count(), 1.0);
-    let limits = |k: usize| allocation.limits(k % allocation.count());
-    let thrust: Vec<_> = thrust.iter().enumerate().map(|(k, x)| 0.9 * x * limits(k)[1].min(-limits(k)[0])).collect();
-    let (wrench, torque, fin) = (numbers(6, 5.0), numbers(joints, 0.1), numbers(scene.vehicle.fins.len(), 0.3));
-    let (external, target) = (numbers(6 * (joints + 1), 0.1), numbers(3 * joints, 0.3));
-    let pose: Vec<_> = (0..instances)
-        .flat_map(|i| {
-            let state = random_state(100 + i as u64, scene);
-            let rotation = state.rotation.transpose();
-            state.position.iter().chain(rotation.iter()).copied().collect::<Vec<_>>()
-        })
-        .collect();
-    let follows = scene.joints().any(|joint| joint.servo.is_some() || joint.prescribed);
-    let inputs = Inputs {
-        thrust: Some(&thrust),
-        wrench: Some(&wrench),
-        joint_torque: Some(&torque),
-        external: Some(&external),
-        fin: Some(&fin),
-        joint_target: follows.then_some(&target),
-        pose_target: scene.vehicle.servo.is_some().then_some(&pose),
-    };
+    let all = RandomInputs::of_count(instances, scene, GENTLE);
+    let inputs = all.inputs(scene);
+    let thrust = inputs.thrust.unwrap();
     let inputs = CheckedInputs::new(&inputs, scene, &allocation, None, &options).unwrap();
     let flow = Flow::from(Vector3::new(0.1, -0.2, 0.05));
     let start = (&random_state(0, scene), &flow);
@@ -92,7 +71,8 @@ pub fn with_case(
     let (active, limits, h) = (inputs.active_loads(), None, 0.01);
     let (before, total, threads) = (0, substeps, 1);
     let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
-    let (adaptive, counts) = (integrator, [joints, compiled.system.thrusters.len(), scene.vehicle.fins.len()]);
+    let (adaptive, counts) =
+        (integrator, [compiled.links.len(), compiled.system.thrusters.len(), scene.vehicle.fins.len()]);
     check(&mut blocks, &settings, &inputs, &Layout::new::<f64>(counts, &adaptive));
 }
 

@@ -1,6 +1,7 @@
 //! Batches: an instance's result is its own, bit for bit, whoever sits beside it; fast turns are stepped finely; what
 //! cannot be computed is NaN.
 
+use crate::batch::inputs::{RandomInputs, STRONG};
 use crate::cases::bits;
 use crate::random_scene::{Random, random_state};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
@@ -8,29 +9,9 @@ use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-/// Inputs of one instance.
-struct Own {
-    thrust: Vec<f64>,
-    torque: Vec<f64>,
-    target: Vec<f64>,
-    external: Vec<f64>,
-    station: Vec<f64>,
-}
-
 /// State, current and inputs of the instance with an identity, wherever it sits.
-fn own(id: u64, scene: &Scene) -> (State, Vector3<f64>, Own) {
-    let mut random = Random::new(id ^ 0xBA7C);
-    let n = scene.joints().count();
-    let mut numbers = |count: usize, size: f64| (0..count).map(|_| random.between(-size, size)).collect::<Vec<_>>();
-    let own = Own {
-        thrust: numbers(scene.vehicle.thrusters.len(), 60.0),
-        torque: numbers(n, 1.0),
-        target: numbers(4 * n, 0.3),
-        external: numbers(6 * (n + 1), 2.0),
-        station: [vec![0.3, -0.2, 0.5], vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]].concat(),
-    };
-    let current = Vector3::from_vec(numbers(3, 0.4));
-    (random_state(id, scene), current, own)
+fn own(id: u64, scene: &Scene) -> (State, Vector3<f64>, RandomInputs) {
+    (random_state(id, scene), Random::new(id ^ 0xC0).vector(0.4), RandomInputs::new(id, scene, STRONG))
 }
 
 fn options(precision: Precision, instances: usize, threads: usize) -> SimulatorOptions {
@@ -40,27 +21,20 @@ fn options(precision: Precision, instances: usize, threads: usize) -> SimulatorO
 /// Steps the instances `ids` together, in portions of `split` substeps.
 fn run(scene: &Scene, options: SimulatorOptions, ids: &[u64], split: &[usize]) -> Simulator {
     let mut simulator = Simulator::new(scene.clone(), SimulatorOptions { instances: ids.len(), ..options }).unwrap();
-    let mut all = Own { thrust: vec![], torque: vec![], target: vec![], external: vec![], station: vec![] };
+    let mut all = Vec::new();
     for (i, &id) in ids.iter().enumerate() {
-        let (state, current, own) = own(id, scene);
+        let (state, current, inputs) = own(id, scene);
         simulator.set_state(i, &state);
         simulator.set_flow(i, current);
-        all.thrust.extend(own.thrust);
-        all.torque.extend(own.torque);
-        all.target.extend(own.target);
-        all.external.extend(own.external);
-        all.station.extend(own.station);
+        all.push(inputs);
+    }
+    let all = RandomInputs::of_all(&all);
+    let mut inputs = all.inputs(scene);
+    if split.len() > 1 {
+        // A target moves with the time since the call.
+        inputs.joint_target = None;
     }
     for &substeps in split {
-        let inputs = Inputs {
-            thrust: Some(&all.thrust),
-            joint_torque: Some(&all.torque),
-            // A target moves with the time since the call: constant ones only, where the run is split.
-            joint_target: (split.len() == 1).then_some(&all.target[..]),
-            external: Some(&all.external),
-            pose_target: Some(&all.station),
-            ..Inputs::default()
-        };
         simulator.step(&inputs, substeps).unwrap();
     }
     simulator

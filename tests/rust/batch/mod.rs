@@ -5,6 +5,7 @@ mod aligned;
 mod derivatives;
 mod error_estimate;
 mod fill;
+pub mod inputs;
 mod instances;
 mod own_scenes;
 mod precision;

@@ -8,6 +8,7 @@ use uvms_gym::description::{
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::{Factors, State};
 
+use crate::batch::inputs::{RandomInputs, STRONG};
 use crate::cases::bits;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
@@ -207,7 +208,7 @@ struct Instance {
     scene: Scene,
     state: State,
     factors: Factors<f64>,
-    inputs: [Vec<f64>; 6],
+    inputs: RandomInputs,
 }
 
 impl Instance {
@@ -219,31 +220,8 @@ impl Instance {
             factors = Factors::from_array(std::array::from_fn(|_| random.between(0.7, 1.4)));
             factors.payload = if seed.is_multiple_of(4) { 0.5 } else { 0.0 };
         }
-        let n = scene.joints().count();
-        let mut numbers = |count: usize, size: f64| (0..count).map(|_| random.between(-size, size)).collect::<Vec<_>>();
-        let inputs = [
-            numbers(scene.vehicle.thrusters.len(), 60.0),
-            numbers(scene.vehicle.fins.len(), 0.7),
-            numbers(n, 1.0),
-            numbers(4 * n, 0.3),
-            numbers(6 * (n + 1), 2.0),
-            [vec![0.3, -0.2, 0.5], vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]].concat(),
-        ];
+        let inputs = RandomInputs::new(seed, &scene, STRONG);
         Self { scene, state, factors, inputs }
-    }
-}
-
-/// The inputs of instances, those for which there is a servo included.
-fn inputs<'a>(all: &'a [Vec<f64>; 6], scene: &Scene) -> Inputs<'a> {
-    let [thrust, fin, torque, target, external, station] = all;
-    Inputs {
-        thrust: Some(thrust),
-        fin: Some(fin),
-        joint_torque: Some(torque),
-        joint_target: scene.joints().any(|joint| joint.servo.is_some()).then_some(target),
-        external: Some(external),
-        pose_target: scene.vehicle.servo.is_some().then_some(station),
-        ..Inputs::default()
     }
 }
 
@@ -270,8 +248,8 @@ fn check(what: &str, scene: &Scene, gentle: bool, options: &SimulatorOptions, wi
         (0..N as u64).map(|seed| Instance::new(seed, vary(scene, seed, gentle), with_factors)).collect();
     let scenes = instances.iter().map(|instance| instance.scene.clone()).collect();
     let mut batch = simulator(scenes, &instances.iter().collect::<Vec<_>>(), options);
-    let all: [Vec<f64>; 6] = std::array::from_fn(|k| instances.iter().flat_map(|i| i.inputs[k].clone()).collect());
-    let inputs_of_all = inputs(&all, scene);
+    let all = RandomInputs::of_all(instances.iter().map(|instance| &instance.inputs));
+    let inputs_of_all = all.inputs(scene);
     let width = 6 + scene.joints().count();
     let accelerations = batch.forward_dynamics(&inputs_of_all).unwrap();
     let linear: Vec<_> = (0..N).map(|i| batch.linearize(&inputs_of_all, i).unwrap()).collect();
@@ -283,7 +261,7 @@ fn check(what: &str, scene: &Scene, gentle: bool, options: &SimulatorOptions, wi
         let what = format!("{what}, {}, {:?}, instance {i}", options.integrator, options.precision);
         let mut alone = simulator(vec![instance.scene.clone()], &[instance], options);
         assert!(alone.scenes().is_none() && batch.scenes().is_some());
-        let inputs = inputs(&instance.inputs, scene);
+        let inputs = instance.inputs.inputs(scene);
         assert_eq!(accelerations[i * width..][..width], alone.forward_dynamics(&inputs).unwrap(), "{what}");
         assert_eq!(linear[i].a, alone.linearize(&inputs, 0).unwrap().a, "{what}");
         assert_eq!(loads[i], alone.applied_loads(&inputs).unwrap()[0], "{what}");

@@ -2,12 +2,13 @@
 
 use std::process::Command;
 
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::{Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::integrate::{Integrator, Kind};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::{Factors, State};
 
+use crate::batch::inputs::{GENTLE, RandomInputs, Sizes};
 use crate::cases::bits;
 use crate::random_scene::{Random, random_state};
 
@@ -35,23 +36,8 @@ fn run(scene: &Scene, precision: Precision, integrator: &str, varied: bool) -> V
         let factors: Vec<_> = (0..INSTANCES).map(|_| own()).collect();
         simulator.set_factors(&factors).unwrap();
     }
-    let joints = scene.joints().count();
-    let mut numbers = |per_instance: usize, size: f64| -> Vec<f64> {
-        (0..per_instance * INSTANCES).map(|_| random.between(-size, size)).collect()
-    };
-    let (thrust, torque) = (numbers(scene.vehicle.thrusters.len(), 40.0), numbers(joints, 0.1));
-    let (target, external) = (numbers(4 * joints, 0.3), numbers(6 * (joints + 1), 0.1));
-    let pose = [0.3, -0.2, 0.5, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    let station = pose.repeat(INSTANCES);
-    let inputs = Inputs {
-        thrust: Some(&thrust),
-        joint_torque: Some(&torque),
-        joint_target: (joints > 0).then_some(&target[..]),
-        external: Some(&external),
-        pose_target: scene.vehicle.servo.is_some().then_some(&station[..]),
-        ..Inputs::default()
-    };
-    simulator.step(&inputs, STEPS).unwrap();
+    let inputs = RandomInputs::of_count(INSTANCES, scene, Sizes { terms: 4, ..GENTLE });
+    simulator.step(&inputs.inputs(scene), STEPS).unwrap();
     (0..INSTANCES).map(|i| simulator.state(i)).collect()
 }
 
