@@ -3,11 +3,12 @@
 use nalgebra as na;
 
 use super::compile::compile;
+use super::joint_frames::placed;
 use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
-use crate::description::{Frame, Scene};
+use crate::description::Scene;
 use crate::lane::{Lane, Param, Routine, Shared, get_option, numbers, sin_cos};
-use crate::lie::{Matrix3, Pose, Vector3};
+use crate::lie::{Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
 numbers! {
@@ -154,12 +155,4 @@ fn to_parent<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(screw: &Scre
         pose.rotation.0[k] = screw.rotate(Vector3(pose.rotation.0[k])).0;
     }
     pose.position = screw.transform_point(pose.position);
-}
-
-fn placed(frame: &Frame) -> Pose<f64> {
-    let r = frame.rotation();
-    Pose {
-        rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))),
-        position: Vector3(frame.position.into()),
-    }
 }

@@ -198,9 +198,14 @@ pub fn vector(v: &na::Vector3<f64>) -> Vector3<f64> {
     Vector3([v.x, v.y, v.z])
 }
 
-/// Pose of a frame of the scene, without rounding.
-pub fn pose(frame: &Frame) -> Pose<f64> {
+/// Pose of a frame of the scene.
+pub fn placed(frame: &Frame) -> Pose<f64> {
     let r = frame.rotation();
     let rotation = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
-    tidy(&Pose { rotation, position: vector(&frame.position) })
+    Pose { rotation, position: vector(&frame.position) }
+}
+
+/// The same without rounding.
+pub fn pose(frame: &Frame) -> Pose<f64> {
+    tidy(&placed(frame))
 }

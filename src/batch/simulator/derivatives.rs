@@ -12,7 +12,7 @@ use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::stepping::blocks::{Blocks, Storage};
 use crate::batch::stepping::derivative::Duals;
 use crate::batch::stepping::parameters::StepSettings;
-use crate::batch::storage::inputs::{CheckedInputs, Inputs};
+use crate::batch::storage::inputs::{ActiveLoads, CheckedInputs, Inputs};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, Kind};
 use crate::lane::Isa;
@@ -127,11 +127,10 @@ impl Simulator {
             let (name, known) = (self.options.integrator.clone(), production.map(|entry| entry.name).collect());
             return Err(SimulatorError::DerivativeIntegrator { name, known });
         }
-        let (size, integrator, threads) = (self.state_size(), self.integrator, self.threads);
+        let (size, settings) = (self.state_size(), self.settings(substeps, ActiveLoads::default()));
         let Self { storage, scene, allocation, own, options, .. } = self;
         let inputs = CheckedInputs::new(inputs, scene, allocation, own.as_ref(), options)?;
-        let (active, h, before, total, limits) = (inputs.active_loads(), options.dt, 0, substeps, None);
-        let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
+        let settings = StepSettings { active: inputs.active_loads(), limits: None, ..settings };
         let coordinates =
             Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
         // Results, and their copies by arguments.

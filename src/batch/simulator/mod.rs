@@ -101,22 +101,18 @@ impl Simulator {
         samples: &[Compiled],
         options: SimulatorOptions,
     ) -> Result<Self, SimulatorError> {
-        if options.instances == 0 {
-            return Err(SimulatorError::NoInstances);
+        let SimulatorOptions { instances, dt, gamma, tolerance, .. } = options;
+        let refusals = [
+            (instances == 0, SimulatorError::NoInstances),
+            (!(dt > 0.0 && dt.is_finite()), SimulatorError::Step { dt }),
+            (!(gamma >= 0.0 && gamma.is_finite()), SimulatorError::Gamma { gamma }),
+            (options.threads == Some(0), SimulatorError::NoThreads),
+            (!(tolerance > 0.0 && tolerance.is_finite()), SimulatorError::Tolerance { tolerance }),
+        ];
+        if let Some((_, error)) = refusals.into_iter().find(|(refused, _)| *refused) {
+            return Err(error);
         }
-        if !(options.dt > 0.0 && options.dt.is_finite()) {
-            return Err(SimulatorError::Step { dt: options.dt });
-        }
-        if !(options.gamma >= 0.0 && options.gamma.is_finite()) {
-            return Err(SimulatorError::Gamma { gamma: options.gamma });
-        }
-        if options.threads == Some(0) {
-            return Err(SimulatorError::NoThreads);
-        }
-        if !(options.tolerance > 0.0 && options.tolerance.is_finite()) {
-            return Err(SimulatorError::Tolerance { tolerance: options.tolerance });
-        }
-        let gains = Gains { gamma: options.gamma, tolerance: options.tolerance };
+        let gains = Gains { gamma, tolerance };
         let integrator = Integrator::named(&options.integrator, &gains).ok_or_else(|| {
             let known = Integrator::NAMES.map(|entry| entry.name).into();
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
@@ -282,23 +278,27 @@ impl Simulator {
         substeps: usize,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, SimulatorError> {
-        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let limits = self.monitor.limits(self.range, self.storage.follows_all());
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
-        let active = inputs.active_loads();
+        let settings = self.settings(substeps, inputs.active_loads());
         let portion = (PORTION / self.options.instances).max(1);
         let mut before = 0;
         while before < substeps {
             if before > 0 && !go_on() {
                 return Ok(false);
             }
-            let (total, substeps) = (substeps, portion.min(substeps - before));
-            let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
+            let settings = StepSettings { substeps: portion.min(substeps - before), before, ..settings };
             let violations = self.storage.step(&settings, (before == 0).then_some(&inputs));
             self.monitor.record(&violations);
-            before += substeps;
+            before += settings.substeps;
         }
         Ok(true)
+    }
+
+    /// Settings of a call of as many steps, monitored.
+    pub(super) fn settings(&self, substeps: usize, active: ActiveLoads) -> StepSettings {
+        let Self { integrator, threads, .. } = *self;
+        let limits = self.monitor.limits(self.range, self.storage.follows_all());
+        StepSettings { integrator, h: self.options.dt, substeps, before: 0, total: substeps, active, threads, limits }
     }
 
     /// Every number of all instances, instance by instance: [`Self::load`] restores them bit for bit.
@@ -335,10 +335,7 @@ impl Simulator {
         items: impl ExactSizeIterator<Item = I> + Send,
         work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
     ) {
-        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let limits = self.monitor.limits(self.range, self.storage.follows_all());
-        let (before, total) = (0, substeps);
-        let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
+        let settings = self.settings(substeps, active);
         let violations = self.blocks().for_each_chunk(&settings, items, work);
         self.monitor.record(&violations);
     }
@@ -354,7 +351,8 @@ impl Simulator {
     /// As [`Self::step`].
     pub fn forward_dynamics(&mut self, inputs: &Inputs) -> Result<Vec<f64>, SimulatorError> {
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
-        Ok(self.storage.accelerations(&inputs))
+        let settings = self.settings(1, inputs.active_loads());
+        Ok(self.storage.accelerations(&settings, &inputs))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

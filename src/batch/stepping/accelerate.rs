@@ -1,36 +1,20 @@
 //! Kernel of accelerations without stepping.
 
-use super::step::shift_twist;
+use super::step::{Step, shift_twist};
 use crate::batch::storage::columns::Columns;
-use crate::batch::storage::inputs::ActiveLoads;
-use crate::batch::storage::layout::Layout;
-use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
+use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
-use crate::lane::{Kernel, Lane, Real, Shared, get_all};
+use crate::lane::{Kernel, Lane, Real, get_all};
 use crate::lie::{Vector3, Vector6};
-use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
+use crate::system::{InstanceSystem, JOINTS};
 use crate::terms::{FinAxes, TermInstant};
 
 /// Kernel of the accelerations of blocks of instances.
 pub struct Accelerate<'a, T> {
-    /// System with the parameters that all instances share.
-    pub system: &'a System<Shared<T>>,
-    /// Unscaled terms of its bodies, where instances differ in their parameters.
-    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
-    /// Numbers that instances have of their own.
-    pub own: Option<OwnColumns<'a, T>>,
-    /// Attachment point of payloads, where instances carry any, m.
-    pub payload_attachment: Option<[Shared<T>; 3]>,
-    /// Rows of a block.
-    pub layout: &'a Layout,
-    /// Optional loads that are active.
-    pub active: ActiveLoads,
-    /// Instances: columns past them are left out.
-    pub count: usize,
-    /// Whole blocks.
-    pub blocks: &'a mut [T],
+    /// Parameters, loads and blocks.
+    pub step: Step<'a, T>,
     /// `[V'; q'']`, absolute, in rows of `6 + joints` per block.
     pub out: &'a mut [T],
 }
@@ -38,28 +22,28 @@ pub struct Accelerate<'a, T> {
 impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        let layout = self.layout;
+        let Step { layout, payload_attachment, active, count, .. } = self.step;
         // One form of the system, with parameters per instance: speed does not matter here.
-        let parts = self.unscaled.unwrap_or_default();
-        let system = self.system.allocate_scaled(parts, self.payload_attachment);
-        let mut instances: InstanceSystem<L> = InstanceSystem::allocate(system, parts, self.payload_attachment);
+        let parts = if self.step.scaled { self.step.unscaled } else { &[] };
+        let system = self.step.system.allocate_scaled(parts, payload_attachment);
+        let mut instances: InstanceSystem<L> = InstanceSystem::allocate(system, parts, payload_attachment);
         let mut scratch = Scratch::new();
         let mut loads = ArmLoads::none();
         let mut motion = Motion::blank();
         let (mut propulsion, mut surfaces) = (ThrusterDynamics::blank(), FinAxes::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let (width, results) = (layout.rows * T::BLOCK, (6 + layout.joints) * T::BLOCK);
-        for k in 0..self.count.div_ceil(T::BLOCK) {
-            let (rows, out) = (&mut self.blocks[k * width..][..width], &mut self.out[k * results..][..results]);
+        for k in 0..count.div_ceil(T::BLOCK) {
+            let (rows, out) = (&mut self.step.blocks[k * width..][..width], &mut self.out[k * results..][..results]);
             for first in (0..T::BLOCK).step_by(L::LANES) {
-                if k * T::BLOCK + first >= self.count {
+                if k * T::BLOCK + first >= count {
                     break;
                 }
                 let columns = Columns { rows: &mut *rows, first };
                 columns.motion::<_, false>(layout, &mut motion);
-                columns.loads(layout, self.active, &mut loads);
+                columns.loads(layout, active, &mut loads);
                 let factors = &columns.factors(layout);
-                if let Some(own) = &self.own {
+                if let Some(own) = &self.step.own {
                     let (instances, at) = (&mut instances, [k, first]);
                     L::call(&mut LoadNumbers { instances, own, at, factors, body_frame_terms: true });
                 } else {
@@ -83,7 +67,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     let gravity = rotation.apply_transposed(system_gravity);
                     wrench = wrench + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces });
                 }
-                if let (true, Some(gains)) = (self.active.station, &system.vehicle_servo) {
+                if let (true, Some(gains)) = (active.station, &system.vehicle_servo) {
                     let station = columns.station(layout);
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }

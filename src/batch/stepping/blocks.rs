@@ -7,6 +7,7 @@ use super::accelerate::Accelerate;
 use super::chunk::{CHUNK, PhysicsChunk};
 use super::companion::{ChunkCompanions, CompanionScene, Companions, Follow};
 use super::parameters::{Parameters, StepSettings};
+use super::step::Step;
 use super::threads::for_each;
 use super::track::Stage;
 use crate::batch::monitoring::step_quality::{StepQuality, Violations};
@@ -62,7 +63,7 @@ pub trait Storage: Send + Sync {
     /// Steps all instances under new inputs, or under the present loads; violations of the settings' limits.
     fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Violations;
     /// `[V'; q'']` of all instances under these inputs, instance by instance.
-    fn accelerations(&mut self, inputs: &CheckedInputs) -> Vec<f64>;
+    fn accelerations(&mut self, settings: &StepSettings, inputs: &CheckedInputs) -> Vec<f64>;
     /// Bytes of memory per instance.
     fn bytes_per_instance(&self) -> usize;
     /// An independent copy.
@@ -317,23 +318,15 @@ impl<T: Real> Storage for Blocks<T> {
         })
     }
 
-    fn accelerations(&mut self, inputs: &CheckedInputs) -> Vec<f64> {
+    fn accelerations(&mut self, settings: &StepSettings, inputs: &CheckedInputs) -> Vec<f64> {
         self.table.apply(self.isa, &mut self.rows, inputs, 0, self.instances);
         let width = 6 + self.table.layout.joints;
         let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
-        let [scaled, with_payload] = self.table.scaled(&self.rows);
-        let mut kernel = Accelerate {
-            system: &self.scene.system,
-            unscaled: (scaled || self.own.is_some()).then_some(&self.scene.unscaled[..]),
-            own: self.own.as_ref().map(OwnNumbers::columns),
-            payload_attachment: with_payload.then_some(self.scene.payload_attachment),
-            layout: &self.table.layout,
-            active: inputs.active_loads(),
-            count: self.instances,
-            blocks: &mut self.rows,
-            out: &mut out,
-        };
+        let (scaled, own) = (self.table.scaled(&self.rows), self.own.as_ref().map(OwnNumbers::columns));
+        let step = self.scene.steps(&self.table.layout, own, scaled, settings, self.instances, &mut self.rows);
+        // With added mass as inertia, whatever the method.
+        let mut kernel = Accelerate { step: Step { system: &self.scene.system, ..step }, out: &mut out };
         T::dispatch_narrow(self.isa, &mut kernel);
         let entries = (0..self.instances).flat_map(|i| (0..width).map(move |k| index::<T>(width, i, k)));
         entries.map(|at| out[at].to_f64()).collect()
