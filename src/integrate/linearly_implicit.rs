@@ -8,7 +8,7 @@
 //! (The method of `[VSBH99]`, ROS2, needs one solve less than order 2 here, but overshoots within the step where forces saturate or
 //! grow.)
 //!
-//! The stability functions `sum_j w_j (1 - z/j)^-j` vanish at infinity (L-stable). That of order 2 is A-stable; that of order 3
+//! The stability functions `sum_j w_j (1 - z/j)^-j` vanish at infinity (L-stable). Order 2 is A-stable; order 3
 //! amplifies some undamped oscillations by up to 0.16 % a step. With a J that overestimates the true rate by a factor 1/p they become
 //! `sum_j w_j (1 - p)^j` there: stable for `0 < p <= 3/2` in order 2, up to 1.36 in order 3.
 
@@ -156,7 +156,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
     }
 }
 
-/// Difference of the results of order 3 and 2, from those of one, two and three parts.
+/// Difference of the results of order 3 and 2, from the results of one, two and three parts.
 #[inline(always)]
 fn spread<L: Lane>(one: L, two: L, three: L) -> L {
     three.mul_add(L::c(1.5), two.mul_add(L::c(-2.0), one * L::c(0.5)))

@@ -127,7 +127,8 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    /// Reverse of [`Point::advance`]: replaces the cotangents of the advanced point by those of the point, and sets those of the rates.
+    /// Reverse of [`Point::advance`]: replaces the cotangents of the advanced point by the cotangents of the
+    /// point, and sets the cotangents of the rates.
     #[inline(always)]
     fn advance_adjoint(
         &mut self,

@@ -17,7 +17,7 @@ pub struct Tableau {
     /// Stage times.
     pub c: [f64; STAGES],
     /// Weights of the accelerations in the coordinates of the stages, over `h^2`: `y_i = y + c_i h y' + h^2 sum_j place_ij k_j`;
-    /// and in those of the step's end: `a a` and `b a`.
+    /// and in the coordinates of the step's end: `a a` and `b a`.
     pub place: [[f64; STAGES]; STAGES],
     /// See `place`.
     pub place_end: [f64; STAGES],

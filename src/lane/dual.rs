@@ -1,8 +1,8 @@
 //! Dual numbers in lanes: values and their directional derivatives, for exact differentiation of the kernels.
 //!
 //! Every branch and mask compares only values, and every value is computed by the operations of the lanes beneath: values have
-//! the same bits as without slopes. At the kinks of `min`, `max` and `select` the slope is that of the number chosen, at that of
-//! `abs` and `sqrt` it is 0.
+//! the same bits as without slopes. At the kinks of `min`, `max` and `select` the slope is the slope of the number chosen; at
+//! the kinks of `abs` and `sqrt` it is 0.
 
 use super::number::{Lane, Routine, operators};
 

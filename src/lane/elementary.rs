@@ -27,7 +27,7 @@ pub const fn first<const N: usize>(c: &[f64]) -> &[f64; N] {
 const HALF_PI: [f64; 3] = [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
 const HALF_PI_SINGLE: [f64; 3] = [1.570_312_5, 4.837_512_969_970_703e-4, 7.549_789_948_768_648e-8];
 
-/// Minimax coefficients on [-pi/4, pi/4] of (sin x / x - 1) / x^2 in x^2 (those of fdlibm).
+/// Minimax coefficients on [-pi/4, pi/4] of (sin x / x - 1) / x^2 in x^2 (from fdlibm).
 const SIN: [f64; 6] = [
     -1.666_666_666_666_663_2e-1,
     8.333_333_333_322_49e-3,
@@ -36,7 +36,7 @@ const SIN: [f64; 6] = [
     -2.505_076_025_340_686_3e-8,
     1.589_690_995_211_55e-10,
 ];
-/// Minimax coefficients on [-pi/4, pi/4] of (cos x - 1 + x^2/2) / x^4 in x^2 (those of fdlibm).
+/// Minimax coefficients on [-pi/4, pi/4] of (cos x - 1 + x^2/2) / x^4 in x^2 (from fdlibm).
 const COS: [f64; 6] = [
     4.166_666_666_666_66e-2,
     -1.388_888_888_887_411e-3,
@@ -168,7 +168,7 @@ pub fn tanh<L: Lane<Real = f32>>(x: L) -> L {
 /// ln 2 in two parts; multiples of the first by exponents are exact.
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 const LN_2_SINGLE: [f64; 2] = [6.931_381_225_585_938e-1, 9.058_000_614_453_107e-6];
-/// Minimax coefficients of (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for s up to 0.1716 (those of fdlibm).
+/// Minimax coefficients of (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for s up to 0.1716 (from fdlibm).
 const LN: [f64; 7] = [
     6.666_666_666_666_735e-1,
     3.999_999_999_940_942e-1,
@@ -235,7 +235,7 @@ fn beyond_finite<L: Lane>(x: L, u: L, y: L) -> L {
     L::select(u.lt(L::zero()), L::c(f64::NAN), y)
 }
 
-/// Minimax coefficients on [0, 7/16] of (1 - atan x / x) / x^2 in x^2 (those of fdlibm).
+/// Minimax coefficients on [0, 7/16] of (1 - atan x / x) / x^2 in x^2 (from fdlibm).
 const ATAN: [f64; 11] = [
     3.333_333_333_333_293e-1,
     -1.999_999_999_987_648_3e-1,

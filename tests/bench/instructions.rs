@@ -1,6 +1,6 @@
 //! Instructions per step and instance, as valgrind counts them: `cargo bench --bench instructions`.
 //!
-//! Unlike times they are the same on a busy machine. They are those of the AVX2 lanes where there are any, as valgrind
+//! Unlike times they are the same on a busy machine. They are counted in the AVX2 lanes where there are any, as valgrind
 //! may know no wider ones.
 
 mod cases;

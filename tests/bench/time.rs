@@ -13,7 +13,7 @@ use uvms_gym::integrate::{Integrator, Kind};
 const INSTANCES: usize = 512;
 const SUBSTEPS: usize = 5;
 
-/// The times that are printed are those of one step of one instance.
+/// Prints times of one step of one instance.
 fn time(criterion: &mut Criterion, scene: &str, integrator: &str, (name, precision): (&str, Precision)) {
     let mut case = Case::new(scene, precision, integrator, INSTANCES);
     criterion.bench_function(&format!("{scene}/{integrator}/{name}"), |bencher| {

@@ -255,7 +255,7 @@ fn add_pose(
         if k < 3 {
             to(position + i, entry(k));
         } else {
-            // R [e_k]: its columns after the k-th are those of R, the second but one first.
+            // R [e_k]: its two columns after the k-th are columns of R, swapped.
             let (one, two) = (entry(k + 2), -entry(k + 1));
             to(rotation + 3 * i + (k + 1) % 3, one);
             to(rotation + 3 * i + (k + 2) % 3, two);

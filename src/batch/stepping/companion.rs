@@ -3,7 +3,7 @@
 //! A companion starts in the state of its instance and gets the same inputs. Errors at steps h and h / 2 have the ratio 1 : `2^-p`
 //! for a method of order p, to leading order, however the errors of the steps add up `[HNW93 sec. II.4]`: the error of the
 //! instance is the difference over `1 - 2^-p`. At kinks of the forces any method has order 2. The divisor is therefore the
-//! geometric mean of the divisor of order p, counted twice, and that of order 2. As it is near 1, the difference estimates errors
+//! geometric mean of the divisor of order p, counted twice, and the divisor of order 2. As it is near 1, the difference estimates errors
 //! beyond the leading order too. In single precision rounding is part of it.
 
 use std::any::Any;
@@ -299,7 +299,7 @@ impl ChunkCompanions {
         true
     }
 
-    /// Ends the turn of instances that have been followed for long enough, and begins that of the next ones once `count`
+    /// Ends the turn of instances that have been followed for long enough, and begins the turn of the next ones once `count`
     /// instances have earned it; before a call of some steps.
     fn take_turns(&mut self, cost: f64, count: usize, h: f64, steps: f64) {
         if self.count > 0 && self.left <= 0.0 {

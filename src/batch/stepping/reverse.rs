@@ -100,7 +100,7 @@ fn set_rotation<L: Lane>(of: &mut Columns<L::Real>, row: usize, rotation: &Matri
     }
 }
 
-/// Prescribed joints follow their targets: adds their cotangents to those of the targets.
+/// Prescribed joints follow their targets: adds their cotangents to the cotangents of the targets.
 #[inline(always)]
 fn prescribe_adjoint<L: Lane>(
     system: &System<L>,

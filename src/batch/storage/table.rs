@@ -98,7 +98,7 @@ impl Table {
         }
     }
 
-    /// Sets the velocities to those of a state.
+    /// Sets the velocities of a state.
     pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());

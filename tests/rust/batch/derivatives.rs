@@ -1,4 +1,4 @@
-//! Derivatives of steps: their values are those of the steps, bit for bit, and their slopes differences with 106 bits.
+//! Derivatives of steps: values as in the steps, bit for bit, and slopes as by differences with 106 bits.
 
 use crate::batch::inputs::{GENTLE, RandomInputs};
 use crate::double_double::DoubleDouble;

@@ -1,5 +1,6 @@
 //! Estimates of accumulated errors, against converged motions.
 
+use nalgebra::{Matrix3, Vector3};
 use uvms_gym::batch::{
     Cause, ErrorEstimate, InaccurateStep, Inputs, Precision, Simulator, SimulatorOptions, StepQuality, StepViolation,
 };
@@ -22,6 +23,23 @@ fn simulator(scene: &Scene, integrator: &str, dt: f64, options: &SimulatorOption
         simulator.set_state(i, &state);
     }
     simulator
+}
+
+/// A free body with these moments of inertia.
+fn body(inertia: [f64; 3]) -> Scene {
+    let mut scene = Scene::shipped("free-body").unwrap();
+    scene.vehicle.body.inertia = Matrix3::from_diagonal(&inertia.into());
+    scene
+}
+
+/// The options with an estimate.
+fn estimated(instances: usize, integrator: &str, dt: f64) -> SimulatorOptions {
+    let integrator = integrator.into();
+    SimulatorOptions { instances, integrator, dt, error_estimate: Some(true), ..Default::default() }
+}
+
+fn moving(twist: [f64; 6]) -> State {
+    State { twist: twist.into(), ..State::default() }
 }
 
 /// Two seconds of random wrenches and servo targets that are held for a period each.
@@ -131,20 +149,11 @@ fn a_set_state_has_no_error_and_a_saved_one_keeps_it() {
 /// A body that tumbles without forces, at steps that resolve it and at longer ones: one warning for all instances.
 #[test]
 fn accumulated_errors_are_said_once_with_their_number() {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 2.0, 3.0));
+    let scene = body([1.0, 2.0, 3.0]);
     for (dt, said) in [(0.001, false), (0.05, true)] {
-        let options = SimulatorOptions {
-            instances: 20,
-            error_estimate: Some(true),
-            dt,
-            integrator: "mk2".into(),
-            ..Default::default()
-        };
-        let mut s = Simulator::new(scene.clone(), options).unwrap();
+        let mut s = Simulator::new(scene.clone(), estimated(20, "mk2", dt)).unwrap();
         for i in [4, 9, 17] {
-            let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.5, 2.0, 0.1);
-            s.set_state(i, &State { twist, ..State::default() });
+            s.set_state(i, &moving([0.0, 0.0, 0.0, 0.5, 2.0, 0.1]));
         }
         let mut text = Vec::new();
         for _ in 0..40 {
@@ -176,13 +185,10 @@ fn accumulated_errors_are_said_once_with_their_number() {
 /// A long call is made in portions, whose length depends on the number of instances.
 #[test]
 fn portions_of_a_call_make_no_difference_to_the_estimate() {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 2.0, 3.0));
+    let scene = body([1.0, 2.0, 3.0]);
     let run = |instances: usize| {
-        let options = SimulatorOptions { instances, error_estimate: Some(true), dt: 0.001, ..Default::default() };
-        let mut s = Simulator::new(scene.clone(), options).unwrap();
-        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.5, 2.0, 0.1);
-        s.set_state(0, &State { twist, ..State::default() });
+        let mut s = Simulator::new(scene.clone(), estimated(instances, "mk4", 0.001)).unwrap();
+        s.set_state(0, &moving([0.0, 0.0, 0.0, 0.5, 2.0, 0.1]));
         s.step(&Inputs::default(), 20_001).unwrap();
         estimates(&s)[0]
     };
@@ -197,16 +203,9 @@ fn portions_of_a_call_make_no_difference_to_the_estimate() {
 fn steps_that_fast_turns_divide_are_told_apart() {
     let scene = Scene::shipped("free-body").unwrap();
     for (integrator, spin) in [("mk4", 31.0), ("mk3", 31.0), ("ros3", 9.0)] {
-        let options = SimulatorOptions {
-            error_estimate: Some(true),
-            dt: 0.1,
-            integrator: integrator.into(),
-            ..Default::default()
-        };
-        let mut s = Simulator::new(scene.clone(), options).unwrap();
-        let velocity = nalgebra::Vector3::new(1.0, 0.5, -0.5);
-        let twist = nalgebra::Vector6::new(velocity.x, velocity.y, velocity.z, 0.0, 0.0, spin);
-        s.set_state(0, &State { twist, ..State::default() });
+        let mut s = Simulator::new(scene.clone(), estimated(1, integrator, 0.1)).unwrap();
+        let velocity = Vector3::new(1.0, 0.5, -0.5);
+        s.set_state(0, &moving([1.0, 0.5, -0.5, 0.0, 0.0, spin]));
         s.step(&Inputs::default(), 2).unwrap();
         let (error, estimate) = ((s.state(0).position - velocity * 0.2).norm(), estimates(&s)[0].position);
         println!("{integrator}: {error:.2e} m, estimate {estimate:.2e} m");
@@ -219,10 +218,8 @@ fn steps_that_fast_turns_divide_are_told_apart() {
 fn a_companion_is_stable_where_the_step_is() {
     let mut scene = Scene::shipped("free-body").unwrap();
     scene.vehicle.body.damping.linear[(1, 1)] = 18.0;
-    let options = SimulatorOptions { error_estimate: Some(true), dt: 0.1, ..Default::default() };
-    let mut s = Simulator::new(scene, options).unwrap();
-    let twist = nalgebra::Vector6::new(1.0, 0.02, 0.0, 0.0, 0.0, 0.0);
-    s.set_state(0, &State { twist, ..State::default() });
+    let mut s = Simulator::new(scene, estimated(1, "mk4", 0.1)).unwrap();
+    s.set_state(0, &moving([1.0, 0.02, 0.0, 0.0, 0.0, 0.0]));
     assert!(s.warn_of_step(Servos { joints: false, vehicle: false }).is_none());
     for _ in 0..40 {
         s.step(&Inputs::default(), 5).unwrap();
@@ -259,15 +256,12 @@ fn an_error_that_no_finite_motion_tells_is_not_known_and_is_said() {
     assert!(ErrorEstimate { q, ..lost }.to_string().contains("joints NaN"));
 }
 
-/// Needles that spin, those of `wrong` so fast that the step errs by 0.1 rad within seconds.
+/// Needles that spin, `wrong` ones so fast that the step errs by 0.1 rad within seconds.
 fn needles(options: &SimulatorOptions, wrong: std::ops::Range<usize>) -> Simulator {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, 1e-8));
-    let mut s = Simulator::new(scene, options.clone()).unwrap();
+    let mut s = Simulator::new(body([1.0, 1.0, 1e-8]), options.clone()).unwrap();
     for i in 0..s.instances() {
         let spin = if wrong.contains(&i) { 0.6 } else { 0.01 } / options.dt;
-        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.2, -0.3, spin);
-        s.set_state(i, &State { twist, ..State::default() });
+        s.set_state(i, &moving([0.0, 0.0, 0.0, 0.2, -0.3, spin]));
     }
     s
 }
@@ -319,8 +313,7 @@ fn a_watched_instance_begins_anew_with_its_state() {
     let mut s = needles(&options, 0..64);
     s.step(&Inputs::default(), 100).unwrap();
     for i in 0..64 {
-        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.2, -0.3, 1.0);
-        s.set_state(i, &State { twist, time: 5.0, ..State::default() });
+        s.set_state(i, &State { time: 5.0, ..moving([0.0, 0.0, 0.0, 0.2, -0.3, 1.0]) });
     }
     assert!(first_warning(&mut s, 8.0).is_none());
 }

@@ -4,7 +4,7 @@ use crate::lane::lanes;
 use crate::random_scene::Random;
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near};
 
-/// `ln(a)`, `ln(1 + a)`, `atan2(b, a)` and `1 / sqrt(|a|)` of pairs; sine and cosine of `b` by those of `a`.
+/// `ln(a)`, `ln(1 + a)`, `atan2(b, a)` and `1 / sqrt(|a|)` of pairs; sine and cosine of `b` from sine and cosine of `a`.
 struct Functions<'a, T> {
     pairs: &'a [[T; 2]],
     out: Vec<[T; 6]>,
