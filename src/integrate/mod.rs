@@ -26,7 +26,7 @@ pub use motion_adjoint::{
     DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
 };
 pub use recorder::{Recorder, StepRecord, SubInterval};
-pub use registry::{Entry, Explicit, Gains, Implicit, Integrator, Kind};
+pub use registry::{Explicit, Gains, Implicit, Integrator, NamedIntegrator, Purpose};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
 pub use step_estimates::{StepEstimates, step_error, stiffness};

@@ -61,7 +61,7 @@ impl Gains {
 
 /// Purpose of an integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum Purpose {
     /// For use.
     Production,
     /// Method of other simulators, for comparison.
@@ -70,13 +70,13 @@ pub enum Kind {
 
 /// Named integrator.
 #[derive(Debug, Clone, Copy)]
-pub struct Entry {
+pub struct NamedIntegrator {
     /// Name, by which options select the integrator.
     pub name: &'static str,
     /// Description in one line.
     pub summary: &'static str,
     /// Purpose.
-    pub kind: Kind,
+    pub purpose: Purpose,
     /// The integrator, with [`Gains::DEFAULT`].
     pub integrator: Integrator,
 }
@@ -95,12 +95,12 @@ const fn implicit(order: usize) -> Integrator {
     Integrator::LinearlyImplicit(Implicit { order, max_turn: 0.5, bounce: None })
 }
 
-const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
-    Entry { name, summary, kind: Kind::Production, integrator }
+const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> NamedIntegrator {
+    NamedIntegrator { name, summary, purpose: Purpose::Production, integrator }
 }
 
-const fn baseline(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
-    Entry { name, summary, kind: Kind::Baseline, integrator }
+const fn baseline(name: &'static str, summary: &'static str, integrator: Integrator) -> NamedIntegrator {
+    NamedIntegrator { name, summary, purpose: Purpose::Baseline, integrator }
 }
 
 const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });
@@ -117,7 +117,7 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 13] = [
+    pub const NAMES: [NamedIntegrator; 13] = [
         production(
             "mk4",
             "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)",

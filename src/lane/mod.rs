@@ -76,4 +76,4 @@ pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use scalar::Unfused;
 pub use tape::Tape;
-pub use transpose::{Entry, transpose};
+pub use transpose::{Transposable, transpose};

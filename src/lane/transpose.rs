@@ -6,7 +6,13 @@
 /// # Panics
 /// If one of the slices is too short.
 #[inline(always)]
-pub fn transpose<T: Entry>(from: &[T], from_width: usize, to: &mut [T], to_width: usize, [rows, columns]: [usize; 2]) {
+pub fn transpose<T: Transposable>(
+    from: &[T],
+    from_width: usize,
+    to: &mut [T],
+    to_width: usize,
+    [rows, columns]: [usize; 2],
+) {
     let edge = T::TILE;
     if rows < edge || columns < edge {
         for r in 0..rows {
@@ -37,7 +43,7 @@ pub fn transpose<T: Entry>(from: &[T], from_width: usize, to: &mut [T], to_width
 }
 
 /// Number types with a transposition by squares.
-pub trait Entry: Copy {
+pub trait Transposable: Copy {
     /// Edge length of the squares.
     const TILE: usize;
 
@@ -56,7 +62,7 @@ pub trait Entry: Copy {
     }
 }
 
-impl Entry for f32 {
+impl Transposable for f32 {
     const TILE: usize = 4;
 
     #[cfg(target_arch = "x86_64")]
@@ -77,7 +83,7 @@ impl Entry for f32 {
     }
 }
 
-impl Entry for f64 {
+impl Transposable for f64 {
     const TILE: usize = 2;
 
     #[cfg(target_arch = "x86_64")]

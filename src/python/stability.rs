@@ -14,7 +14,7 @@ use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
 use uvms_gym::batch::{ModalAnalysis, stabilities};
 use uvms_gym::dynamics::Servos;
-use uvms_gym::integrate::{Entry, Integrator, Kind};
+use uvms_gym::integrate::{Integrator, NamedIntegrator, Purpose};
 
 /// List the integrators of `Simulator`, the default first.
 ///
@@ -26,10 +26,10 @@ use uvms_gym::integrate::{Entry, Integrator, Kind};
 ///     sub-intervals by their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let entry = |entry: Entry| {
-        let kind = match entry.kind {
-            Kind::Production => "production",
-            Kind::Baseline => "baseline",
+    let entry = |entry: NamedIntegrator| {
+        let kind = match entry.purpose {
+            Purpose::Production => "production",
+            Purpose::Baseline => "baseline",
         };
         let dict = PyDict::new(py);
         dict.set_item("name", entry.name)?;

@@ -15,7 +15,7 @@ numbers! {
     /// The chain from the vehicle frame to the end effector, in the kernel's joint frames.
     #[derive(Debug, Clone, PartialEq)]
     pub struct EndEffector<P = Shared<f64>> {
-        joints: Vec<Link<P>>,
+        joints: Vec<ChainLink<P>>,
         /// Rotation to the frame of the last joint (of the vehicle, if there is none).
         rotation: [[P; 3]; 3],
         /// Position in that frame, m.
@@ -26,7 +26,7 @@ numbers! {
 numbers! {
     /// Kinematics of a joint: [`JointTerms`] without the body.
     #[derive(Debug, Clone, PartialEq)]
-    struct Link<P> {
+    struct ChainLink<P> {
         placement: JointPlacement<P>,
         offset: P,
         screw: JointScrew<P>,
@@ -55,7 +55,7 @@ impl EndEffector {
 
     /// A frame at `tip` in the frame of the last of these joints.
     fn at_end(joints: &[JointTerms<Shared<f64>>], tip: &Pose<f64>) -> Self {
-        let link = |joint: &JointTerms<Shared<f64>>| Link {
+        let link = |joint: &JointTerms<Shared<f64>>| ChainLink {
             placement: joint.placement,
             offset: joint.offset,
             screw: joint.screw,

@@ -1,7 +1,7 @@
 //! The task around the physics of a few instances, on one thread.
 
 use super::episode_slot::EpisodeSlot;
-use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
+use super::kernels::{ActKernel, EpisodeBlocks, EvaluateKernel, ObserveKernel};
 use super::outputs::{Final, Outputs, Transition};
 use crate::batch::stepping::chunk::{CHUNK, PhysicsChunk};
 use crate::batch::storage::layout::{Layout, index};
@@ -186,8 +186,8 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect, out });
     }
 
-    fn blocks(&mut self) -> Blocks<'_, T, K> {
-        Blocks {
+    fn blocks(&mut self) -> EpisodeBlocks<'_, T, K> {
+        EpisodeBlocks {
             kernel: self.kernel,
             layout: &self.part.table.layout,
             physics: &mut *self.part.rows,

@@ -15,8 +15,8 @@ use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, Task
 /// Maximum number of lanes.
 const WIDEST: usize = 16;
 
-/// Blocks of instances, and their episodes' numbers.
-pub(super) struct Blocks<'a, T: Real, K: TaskDefinition> {
+/// EpisodeBlocks of instances, and their episodes' numbers.
+pub(super) struct EpisodeBlocks<'a, T: Real, K: TaskDefinition> {
     pub kernel: &'a TaskKernel<T, K>,
     /// Rows of a block.
     pub layout: &'a Layout,
@@ -24,7 +24,7 @@ pub(super) struct Blocks<'a, T: Real, K: TaskDefinition> {
     pub episodes: &'a mut [T],
 }
 
-impl<T: Real, K: TaskDefinition> Blocks<'_, T, K> {
+impl<T: Real, K: TaskDefinition> EpisodeBlocks<'_, T, K> {
     /// Physics and episodes of the group that starts with instance `first`. The `needed` rows of either in the next block
     /// are prefetched.
     #[inline(always)]
@@ -61,7 +61,7 @@ fn stage_state<L: Lane>(layout: &Layout, physics: &Rows<'_, L::Real>) -> StageSt
 
 /// Applies actions: thrusts and servo targets become the loads of the coming steps.
 pub(super) struct ActKernel<'a, T: Real, K: TaskDefinition> {
-    pub blocks: Blocks<'a, T, K>,
+    pub blocks: EpisodeBlocks<'a, T, K>,
     /// (n, a) for the first n instances of the blocks.
     pub actions: &'a [f32],
     /// Actions of the base controller, (n, a), with residual actions.
@@ -151,7 +151,7 @@ fn read<L: Lane>(
 
 /// Evaluates the states after a control period, and observes.
 pub(super) struct EvaluateKernel<'a, 'b, T: Real, K: TaskDefinition> {
-    pub blocks: Blocks<'a, T, K>,
+    pub blocks: EpisodeBlocks<'a, T, K>,
     /// Completed control periods, this one included, of each instance of the blocks.
     pub counts: &'a [T],
     /// For the instances of the blocks.
@@ -238,7 +238,7 @@ fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
 
 /// Observations and metrics of instances at their current control instant.
 pub(super) struct ObserveKernel<'a, 'b, T: Real, K: TaskDefinition> {
-    pub blocks: Blocks<'a, T, K>,
+    pub blocks: EpisodeBlocks<'a, T, K>,
     /// Chosen instances of the blocks.
     pub chosen: &'a [bool],
     /// True values in place of the sensors' readings.

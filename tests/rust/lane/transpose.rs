@@ -1,8 +1,8 @@
 //! From numbers by instance to numbers by lane, and back.
 
-use uvms_gym::lane::{Entry, transpose};
+use uvms_gym::lane::{Transposable, transpose};
 
-fn every_entry_changes_places<T: Entry + PartialEq + std::fmt::Debug>(number: impl Fn(usize) -> T) {
+fn every_entry_changes_places<T: Transposable + PartialEq + std::fmt::Debug>(number: impl Fn(usize) -> T) {
     let none = number(usize::MAX);
     for (rows, columns, beside) in (1..=17).flat_map(|r| (1..=45).flat_map(move |c| [(r, c, 0), (r, c, 3)])) {
         let (from_width, to_width) = (columns + beside, rows + beside);
