@@ -1,15 +1,16 @@
-//! Scenes as trees of values, and what is edited in them.
+//! Scenes as trees of values, and changes of them.
 
 use toml::{Table, Value};
 use uvms_gym::description::Scene;
 
-/// Change of a table of the scene.
-pub type Edit = fn(&mut Table);
+/// Changes of a table, separated by `;`: `-damping.linear` removes a key, `damping.linear = ZEROS` sets one. A change that begins
+/// with `*` concerns every body of the scene.
+pub type Edit = &'static str;
 
 /// The kind of table that a term stands in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
-    /// The vehicle's body alone.
+    /// Only the vehicle's body.
     Vehicle,
     /// The links' bodies.
     Links,
@@ -22,64 +23,60 @@ pub enum Place {
 }
 
 impl Place {
-    /// The scene with its tables of this kind changed.
-    pub fn edited(self, scene: &Value, edit: Edit) -> Value {
-        let mut scene = scene.clone();
-        let root = scene.as_table_mut().unwrap();
+    /// Paths of the tables of this kind; a path through a list concerns each of its tables.
+    fn paths(self) -> &'static [&'static str] {
         match self {
-            Place::Root => edit(root),
-            Place::Vehicle => edit(vehicle(root)),
-            Place::Links => links(root).into_iter().for_each(|link| edit(table(link, "body"))),
-            Place::Joints => {
-                if let Some(q0) = table(table(root, "arm"), "mount").get_mut("joint") {
-                    edit(q0.as_table_mut().unwrap());
-                }
-                links(root).into_iter().for_each(|link| edit(table(link, "joint")));
-            }
-            Place::Bodies => {
-                bodies(root, edit);
-            }
+            Place::Vehicle => &["vehicle.body"],
+            Place::Links => &["arm.links.body"],
+            Place::Bodies => &["vehicle.body", "arm.base", "arm.links.body", "payload.body"],
+            Place::Joints => &["arm.mount.joint", "arm.links.joint"],
+            Place::Root => &[""],
+        }
+    }
+
+    /// The scene with its tables of this kind changed.
+    pub fn edited(self, scene: &Value, changes: &str) -> Value {
+        let mut scene = scene.clone();
+        for change in changes.split(';').map(str::trim).filter(|change| !change.is_empty()) {
+            let (place, change) = change.strip_prefix('*').map_or((self, change), |change| (Place::Bodies, change));
+            place.paths().iter().for_each(|path| edit_at(&mut scene, path, change));
         }
         scene
     }
 }
 
-/// Changes every body of a scene.
-pub fn bodies(root: &mut Table, edit: Edit) {
-    edit(vehicle(root));
-    if root.contains_key("arm") {
-        if let Some(base) = table(root, "arm").get_mut("base") {
-            edit(base.as_table_mut().unwrap());
+fn edit_at(value: &mut Value, path: &str, change: &str) {
+    match value {
+        Value::Array(list) => list.iter_mut().for_each(|value| edit_at(value, path, change)),
+        Value::Table(table) if path.is_empty() => edit(table, change),
+        _ => {
+            let (key, rest) = path.split_once('.').unwrap_or((path, ""));
+            value.get_mut(key).into_iter().for_each(|part| edit_at(part, rest, change));
         }
-        links(root).into_iter().for_each(|link| edit(table(link, "body")));
-    }
-    if let Some(payload) = root.get_mut("payload") {
-        edit(table(payload.as_table_mut().unwrap(), "body"));
     }
 }
 
 /// A table within a table, made if there is none.
-pub fn table<'a>(parent: &'a mut Table, key: &str) -> &'a mut Table {
+fn table<'a>(parent: &'a mut Table, key: &str) -> &'a mut Table {
     parent.entry(key).or_insert_with(|| Table::new().into()).as_table_mut().unwrap()
 }
 
-fn vehicle(root: &mut Table) -> &mut Table {
-    table(table(root, "vehicle"), "body")
+fn edit(root: &mut Table, change: &str) {
+    let Some(path) = change.strip_prefix('-') else {
+        let [zeros, rows] = [format!("{:?}", [0.0; 6]), format!("{:?}", [[0.0; 6]; 6])];
+        return merge(root, change.replace("ZEROS", &zeros).replace("ZERO_ROWS", &rows).parse().unwrap());
+    };
+    let (parents, key) = path.rsplit_once('.').map_or(("", path), |parts| parts);
+    parents.split('.').filter(|part| !part.is_empty()).fold(root, |parent, part| table(parent, part)).remove(key);
 }
 
-fn links(root: &mut Table) -> Vec<&mut Table> {
-    let links = table(root, "arm").get_mut("links").and_then(Value::as_array_mut).unwrap();
-    links.iter_mut().map(|link| link.as_table_mut().unwrap()).collect()
-}
-
-/// Numbers as a list.
-pub fn list(values: &[f64]) -> Value {
-    values.iter().map(|&x| Value::Float(x)).collect::<Vec<_>>().into()
-}
-
-/// Rows of six by six zeros.
-pub fn zeros() -> Value {
-    vec![list(&[0.0; 6]); 6].into()
+fn merge(root: &mut Table, changes: Table) {
+    for (key, value) in changes {
+        match value {
+            Value::Table(changes) => merge(table(root, &key), changes),
+            value => drop(root.insert(key, value)),
+        }
+    }
 }
 
 pub fn read(scene: &Value) -> Scene {
@@ -95,25 +92,18 @@ fn golden(name: &str) -> Value {
 /// base and a payload. Both have every term that a scene can have, full matrices, a current and servos.
 pub fn scenes() -> [(&'static str, Value); 2] {
     let fixed_loading = golden("random-fixed-loading");
-    let mut plain = fixed_loading.clone();
-    let root = plain.as_table_mut().unwrap();
-    root.remove("payload");
-    table(root, "arm").remove("base");
-    table(root, "arm")["links"].as_array_mut().unwrap().truncate(3);
-
+    let mut plain = Place::Root.edited(&fixed_loading, "-payload; -arm.base");
+    plain["arm"]["links"].as_array_mut().unwrap().truncate(3);
     let mut loaded = golden("random-joint-loading");
     loaded.as_table_mut().unwrap().insert("payload".into(), fixed_loading["payload"].clone());
-    let complete = |mut scene: Value| {
-        let root = scene.as_table_mut().unwrap();
-        table(root, "water").insert("current".into(), list(&[0.3, -0.2, 0.1]));
-        let servo = table(table(root, "vehicle"), "servo");
-        servo.insert("kp".into(), list(&[40.0, 40.0, 40.0, 5.0, 5.0, 5.0]));
-        servo.insert("kd".into(), list(&[60.0, 60.0, 60.0, 8.0, 8.0, 8.0]));
-        Place::Joints.edited(&scene, |joint| {
-            table(joint, "servo").extend([("kp".into(), 8.0.into()), ("kd".into(), 0.5.into())]);
-            // The states are beyond these.
-            table(joint, "limits").extend([("lower".into(), (-0.1).into()), ("upper".into(), 0.1.into())]);
-        })
-    };
-    [("plain arm", complete(plain)), ("loaded arm", complete(loaded))]
+    [("plain arm", plain), ("loaded arm", loaded)].map(|(name, scene)| {
+        let scene = Place::Root.edited(
+            &scene,
+            "water.current = [0.3, -0.2, 0.1]; vehicle.servo.kp = [40.0, 40.0, 40.0, 5.0, 5.0, 5.0]; \
+             vehicle.servo.kd = [60.0, 60.0, 60.0, 8.0, 8.0, 8.0]",
+        );
+        // The states are beyond these limits.
+        let joints = "servo = { kp = 8.0, kd = 0.5 }; limits.lower = -0.1; limits.upper = 0.1";
+        (name, Place::Joints.edited(&scene, joints))
+    })
 }

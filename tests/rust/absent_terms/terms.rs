@@ -1,270 +1,159 @@
-//! The table: every term of a scene, how to leave it out, and every way of stating nothing of it.
+//! The table: every term of a scene, how to leave it out, and every way to state zero for it.
 
 use uvms_gym::hydro::CoefficientMatrix;
 use uvms_gym::lane::Shared;
 use uvms_gym::spatial::SpatialInertia;
 use uvms_gym::system::{BodyTerms, Compiled, JointTerms, UnscaledBodyTerms};
 
-use super::edit::{Edit, Place, bodies, list, table, zeros};
+use super::edit::{Edit, Place};
 
 /// A term of a scene.
+#[derive(Clone, Copy)]
 pub struct Term {
-    pub what: &'static str,
-    pub place: Place,
-    /// Takes the term's keys away.
+    pub name: &'static str,
+    pub places: &'static [Place],
+    /// Removes the term's keys.
     pub absent: Edit,
-    /// States in each way that there is nothing of it.
-    pub nothing: &'static [Edit],
-    /// Whether the kernel lacks it.
-    pub dropped: Dropped,
+    /// States zero for it, in each way.
+    pub zero: &'static [Edit],
+    /// Whether the compiled scene lacks it in a place.
+    pub dropped: fn(Place, &Compiled) -> bool,
 }
 
 type Body = BodyTerms<Shared<f64>>;
 type Parts = UnscaledBodyTerms<Shared<f64>>;
 
-/// Where the kernel would have a term.
-#[derive(Clone, Copy)]
-pub enum Dropped {
-    Body(BodyLacks),
-    Joint(JointLacks),
-    System(SystemLacks),
+/// Whether a condition holds for all bodies of a place.
+fn bodies(place: Place, compiled: &Compiled, holds: fn(&Body, &Parts) -> bool) -> bool {
+    let system = &compiled.system;
+    let all = std::iter::once(&system.vehicle).chain(system.joints.iter().map(|joint| &joint.body));
+    let is_concerned = |k: usize| place != if k == 0 { Place::Links } else { Place::Vehicle };
+    all.zip(&compiled.unscaled).enumerate().all(|(k, (body, parts))| !is_concerned(k) || holds(body, parts))
 }
 
-impl Dropped {
-    /// Whether the compiled scene lacks the term in the bodies or joints of a place.
-    pub fn holds(self, place: Place, compiled: &Compiled) -> bool {
-        let system = &compiled.system;
-        let all = || std::iter::once(&system.vehicle).chain(system.joints.iter().map(|joint| &joint.body));
-        match self {
-            Dropped::System(dropped) => dropped(compiled),
-            Dropped::Joint(dropped) => system.joints.iter().all(dropped),
-            Dropped::Body(dropped) => {
-                let concerned = match place {
-                    Place::Vehicle => 0..1,
-                    Place::Links => 1..compiled.unscaled.len(),
-                    _ => 0..compiled.unscaled.len(),
-                };
-                all().zip(&compiled.unscaled).skip(concerned.start).take(concerned.len()).all(|(b, p)| dropped(b, p))
-            }
-        }
-    }
-}
-
-fn no_linear(body: &Body) -> bool {
-    body.damping.iter().all(|damping| damping.linear == CoefficientMatrix::None)
-}
-
-fn no_quadratic(body: &Body) -> bool {
-    body.damping.iter().all(|damping| damping.quadratic == CoefficientMatrix::None)
+fn joints(compiled: &Compiled, holds: fn(&JointTerms<Shared<f64>>) -> bool) -> bool {
+    compiled.system.joints.iter().all(holds)
 }
 
 fn no_added(parts: &Parts) -> bool {
     parts.added == SpatialInertia::zero().map(Shared)
 }
 
-/// A term, how to take its keys away, each way of stating nothing of it, and whether a part of the kernel lacks it.
-type Row<Lacks> = (&'static str, Edit, &'static [Edit], Lacks);
+const BODIES: &[Place] = &[Place::Vehicle, Place::Links, Place::Bodies];
 
-type BodyLacks = fn(&Body, &Parts) -> bool;
-type JointLacks = fn(&JointTerms<Shared<f64>>) -> bool;
-type SystemLacks = fn(&Compiled) -> bool;
-
-/// What a body can have, each with its ways of having nothing of it.
-const BODY: [Row<BodyLacks>; 5] = [
-    (
-        "added mass",
-        |body| drop(body.remove("added_mass")),
-        &[
-            |body| drop(body.insert("added_mass".into(), list(&[0.0; 6]))),
-            |body| drop(body.insert("added_mass".into(), zeros())),
-        ],
-        |_, parts| no_added(parts),
-    ),
-    (
-        "linear drag",
-        |body| drop(table(body, "damping").remove("linear")),
-        &[
-            |body| drop(table(body, "damping").insert("linear".into(), list(&[0.0; 6]))),
-            |body| drop(table(body, "damping").insert("linear".into(), zeros())),
-        ],
-        |body, _| no_linear(body),
-    ),
-    (
-        "quadratic drag",
-        |body| drop(table(body, "damping").remove("quadratic")),
-        &[
-            |body| drop(table(body, "damping").insert("quadratic".into(), list(&[0.0; 6]))),
-            |body| drop(table(body, "damping").insert("quadratic".into(), zeros())),
-        ],
-        |body, _| no_quadratic(body),
-    ),
-    (
-        "all that water does by motion",
-        |body| ["added_mass", "damping", "hydrodynamic_frame"].into_iter().for_each(|key| drop(body.remove(key))),
-        &[
-            |body| ["added_mass", "damping"].into_iter().for_each(|key| drop(body.remove(key))),
-            |body| {
-                body.remove("added_mass");
-                table(body, "damping").clear();
-            },
-            |body| {
-                body.insert("added_mass".into(), zeros());
-                for key in ["linear", "quadratic"] {
-                    table(body, "damping").insert(key.into(), zeros());
-                }
-            },
-        ],
-        |body, parts| body.damping.is_empty() && no_added(parts),
-    ),
-    (
-        "buoyancy",
-        |body| ["volume", "buoyancy", "center_of_buoyancy"].into_iter().for_each(|key| drop(body.remove(key))),
-        &[
-            |body| ["volume", "buoyancy"].into_iter().for_each(|key| drop(body.remove(key))),
-            |body| {
-                body.remove("buoyancy");
-                body.insert("volume".into(), 0.0.into());
-            },
-            |body| {
-                body.remove("volume");
-                body.insert("buoyancy".into(), 0.0.into());
-            },
-        ],
-        |_, parts| parts.displaced.net_mass.0 == 0.0 && parts.displaced.moment.iter().all(|m| m.0 == 0.0),
-    ),
-];
-
-const JOINT: [Row<JointLacks>; 5] = [
-    (
-        "friction",
-        |joint| drop(joint.remove("friction")),
-        &[
-            |joint| table(joint, "friction").clear(),
-            |joint| {
-                table(joint, "friction").extend([("viscous".into(), 0.0.into()), ("coulomb".into(), 0.0.into())]);
-            },
-            |joint| {
-                table(joint, "friction").remove("viscous");
-                table(joint, "friction").insert("coulomb".into(), 0.0.into());
-            },
-        ],
-        |joint| joint.friction.is_none(),
-    ),
-    (
-        "Coulomb friction",
-        |joint| ["coulomb", "coulomb_speed"].into_iter().for_each(|key| drop(table(joint, "friction").remove(key))),
-        &[
-            |joint| drop(table(joint, "friction").insert("coulomb".into(), 0.0.into())),
-            |joint| drop(table(joint, "friction").remove("coulomb")),
-        ],
-        |joint| joint.friction.is_some_and(|friction| friction.coulomb.is_none()),
-    ),
-    (
-        "end stops",
-        |joint| drop(joint.remove("limits")),
-        &[
-            |joint| {
-                table(joint, "limits").extend([("stiffness".into(), 0.0.into()), ("damping".into(), 0.0.into())]);
-            },
-            |joint| {
-                table(joint, "limits").insert("stiffness".into(), 0.0.into());
-                table(joint, "limits").remove("damping");
-            },
-        ],
-        |joint| joint.limits.is_none(),
-    ),
-    (
-        "damping of the end stops",
-        |joint| drop(table(joint, "limits").remove("damping")),
-        &[|joint| drop(table(joint, "limits").insert("damping".into(), 0.0.into()))],
-        |joint| joint.limits.is_some_and(|limits| limits.stop[1].0 == 0.0),
-    ),
-    (
-        "servo",
-        |joint| drop(joint.remove("servo")),
-        &[|joint| table(joint, "servo").extend([("kp".into(), 0.0.into()), ("kd".into(), 0.0.into())])],
-        |joint| joint.servo.is_none(),
-    ),
-];
-
-const SCENE: [Row<SystemLacks>; 4] = [
-    (
-        "gravity",
-        |root| {
-            table(root, "water").insert("gravity".into(), list(&[0.0; 3]));
-            bodies(root, |body| {
-                ["volume", "buoyancy", "center_of_buoyancy"].into_iter().for_each(|key| drop(body.remove(key)));
-            });
+pub const TERMS: [Term; 14] = [
+    Term {
+        name: "added mass",
+        places: BODIES,
+        absent: "-added_mass",
+        zero: &["added_mass = ZEROS", "added_mass = ZERO_ROWS"],
+        dropped: |place, compiled| bodies(place, compiled, |_, parts| no_added(parts)),
+    },
+    Term {
+        name: "linear drag",
+        places: BODIES,
+        absent: "-damping.linear",
+        zero: &["damping.linear = ZEROS", "damping.linear = ZERO_ROWS"],
+        dropped: |place, compiled| {
+            bodies(place, compiled, |body, _| body.damping.iter().all(|d| d.linear == CoefficientMatrix::None))
         },
-        &[|root| {
-            table(root, "water").insert("gravity".into(), list(&[0.0; 3]));
-            bodies(root, |body| drop(body.remove("buoyancy")));
-        }],
-        |compiled| {
-            let system = &compiled.system;
-            system.vehicle.restoring.is_none() && system.joints.iter().all(|joint| joint.body.restoring.is_none())
+    },
+    Term {
+        name: "quadratic drag",
+        places: BODIES,
+        absent: "-damping.quadratic",
+        zero: &["damping.quadratic = ZEROS", "damping.quadratic = ZERO_ROWS"],
+        dropped: |place, compiled| {
+            bodies(place, compiled, |body, _| body.damping.iter().all(|d| d.quadratic == CoefficientMatrix::None))
         },
-    ),
-    (
-        "buoyancy of all",
-        |root| bodies(root, |body| ["volume", "buoyancy"].into_iter().for_each(|key| drop(body.remove(key)))),
-        &[|root| {
-            table(root, "water").insert("density".into(), 0.0.into());
-            bodies(root, |body| drop(body.remove("buoyancy")));
-        }],
-        |compiled| compiled.unscaled.iter().all(|parts| parts.displaced.net_mass.0 == 0.0),
-    ),
-    (
-        "station keeping",
-        |root| drop(table(root, "vehicle").remove("servo")),
-        &[|root| {
-            let servo = table(table(root, "vehicle"), "servo");
-            servo.extend([("kp".into(), list(&[0.0; 6])), ("kd".into(), list(&[0.0; 6]))]);
-        }],
-        |compiled| compiled.system.vehicle_servo.is_none(),
-    ),
-    (
-        "arm",
-        |root| ["arm", "payload"].into_iter().for_each(|key| drop(root.remove(key))),
-        &[
-            |root| {
-                root.remove("payload");
-                table(root, "arm").retain(|key, _| ["name", "end_effector"].contains(&key));
-            },
-            |root| {
-                root.remove("payload");
-                table(root, "arm").insert("links".into(), toml::Value::Array(Vec::new()));
-                ["base", "mount"].into_iter().for_each(|key| drop(table(root, "arm").remove(key)));
-            },
+    },
+    Term {
+        name: "all forces of the water on motion",
+        places: BODIES,
+        absent: "-added_mass; -damping; -hydrodynamic_frame",
+        zero: &[
+            "-added_mass; -damping",
+            "-added_mass; -damping; damping = {}",
+            "added_mass = ZERO_ROWS; damping = { linear = ZERO_ROWS, quadratic = ZERO_ROWS }",
         ],
-        |compiled| compiled.system.joints.is_empty(),
-    ),
+        dropped: |place, compiled| bodies(place, compiled, |body, parts| body.damping.is_empty() && no_added(parts)),
+    },
+    Term {
+        name: "buoyancy",
+        places: BODIES,
+        absent: "-volume; -buoyancy; -center_of_buoyancy",
+        zero: &["-volume; -buoyancy", "-buoyancy; volume = 0.0", "-volume; buoyancy = 0.0"],
+        dropped: |place, compiled| {
+            bodies(place, compiled, |_, parts| {
+                parts.displaced.net_mass.0 == 0.0 && parts.displaced.moment.iter().all(|m| m.0 == 0.0)
+            })
+        },
+    },
+    Term {
+        name: "friction",
+        places: &[Place::Joints],
+        absent: "-friction",
+        zero: &[
+            "-friction; friction = {}",
+            "friction = { viscous = 0.0, coulomb = 0.0 }",
+            "-friction.viscous; friction.coulomb = 0.0",
+        ],
+        dropped: |_, compiled| joints(compiled, |joint| joint.friction.is_none()),
+    },
+    Term {
+        name: "Coulomb friction",
+        places: &[Place::Joints],
+        absent: "-friction.coulomb; -friction.coulomb_speed",
+        zero: &["friction.coulomb = 0.0", "-friction.coulomb"],
+        dropped: |_, compiled| joints(compiled, |joint| joint.friction.is_some_and(|f| f.coulomb.is_none())),
+    },
+    Term {
+        name: "end stops",
+        places: &[Place::Joints],
+        absent: "-limits",
+        zero: &["limits = { stiffness = 0.0, damping = 0.0 }", "limits.stiffness = 0.0; -limits.damping"],
+        dropped: |_, compiled| joints(compiled, |joint| joint.limits.is_none()),
+    },
+    Term {
+        name: "damping of the end stops",
+        places: &[Place::Joints],
+        absent: "-limits.damping",
+        zero: &["limits.damping = 0.0"],
+        dropped: |_, compiled| joints(compiled, |joint| joint.limits.is_some_and(|limits| limits.stop[1].0 == 0.0)),
+    },
+    Term {
+        name: "servo",
+        places: &[Place::Joints],
+        absent: "-servo",
+        zero: &["servo = { kp = 0.0, kd = 0.0 }"],
+        dropped: |_, compiled| joints(compiled, |joint| joint.servo.is_none()),
+    },
+    Term {
+        name: "gravity",
+        places: &[Place::Root],
+        absent: "water.gravity = [0.0, 0.0, 0.0]; *-volume; *-buoyancy; *-center_of_buoyancy",
+        zero: &["water.gravity = [0.0, 0.0, 0.0]; *-buoyancy"],
+        dropped: |_, compiled| bodies(Place::Bodies, compiled, |body, _| body.restoring.is_none()),
+    },
+    Term {
+        name: "buoyancy of all",
+        places: &[Place::Root],
+        absent: "*-volume; *-buoyancy",
+        zero: &["water.density = 0.0; *-buoyancy"],
+        dropped: |_, compiled| bodies(Place::Bodies, compiled, |_, parts| parts.displaced.net_mass.0 == 0.0),
+    },
+    Term {
+        name: "station keeping",
+        places: &[Place::Root],
+        absent: "-vehicle.servo",
+        zero: &["vehicle.servo = { kp = ZEROS, kd = ZEROS }"],
+        dropped: |_, compiled| compiled.system.vehicle_servo.is_none(),
+    },
+    Term {
+        name: "arm",
+        places: &[Place::Root],
+        absent: "-arm; -payload",
+        zero: &["-payload; -arm.base; -arm.mount; -arm.links", "-payload; -arm.base; -arm.mount; arm.links = []"],
+        dropped: |_, compiled| compiled.system.joints.is_empty(),
+    },
 ];
-
-/// Every term in every place.
-pub fn terms() -> Vec<Term> {
-    let body = BODY.into_iter().flat_map(|(what, absent, nothing, dropped)| {
-        [Place::Vehicle, Place::Links, Place::Bodies].map(|place| Term {
-            what,
-            place,
-            absent,
-            nothing,
-            dropped: Dropped::Body(dropped),
-        })
-    });
-    let joint = JOINT.into_iter().map(|(what, absent, nothing, dropped)| Term {
-        what,
-        place: Place::Joints,
-        absent,
-        nothing,
-        dropped: Dropped::Joint(dropped),
-    });
-    let scene = SCENE.into_iter().map(|(what, absent, nothing, dropped)| Term {
-        what,
-        place: Place::Root,
-        absent,
-        nothing,
-        dropped: Dropped::System(dropped),
-    });
-    body.chain(joint).chain(scene).collect()
-}
