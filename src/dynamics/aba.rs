@@ -26,13 +26,13 @@ use std::hint::cold_path;
 
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
-use super::link::{Drive, Link, add_joint_rate, joint_screws, with_zeros};
+use super::link::{Drive, LinkScratch, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
 
-/// Joint torques, servo targets and external link wrenches, held over a control period.
+/// Joint torques, servo targets and external link wrenches, constant over a control period except for the targets.
 #[derive(Debug, Clone, Copy)]
 pub struct ArmLoads<L> {
     /// Actuator torques, N m or N.
@@ -224,7 +224,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
-    links: &mut [Link<L>],
+    links: &mut [LinkScratch<L>],
     twist_rate: &mut Vector6<L>,
 ) {
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;

@@ -1,8 +1,8 @@
-//! Adjoint of the forward dynamics: cotangents of state, loads and parameters from those of the accelerations.
+//! Adjoint of the forward dynamics: cotangents of state, loads and parameters from the cotangents of the accelerations.
 //!
 //! Forward dynamics solve `M a = f` with a symmetric M. With the dual velocities lambda of `M lambda = cotangent of a`, one more
 //! solution with the same M, the cotangent of anything that M and f depend on is minus the derivative of `lambda . (M a - f)`
-//! with a and lambda held: that of inverse dynamics, one pass of Newton and Euler `[RF08 ch. 5]` and its reverse. Factorisation and
+//! with a and lambda fixed: one pass of inverse dynamics by Newton and Euler `[RF08 ch. 5]` and its reverse. Factorisation and
 //! elimination are not differentiated.
 //!
 //! ```text
@@ -16,6 +16,7 @@
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
 use super::aba::{ArmLoads, Instant, Scratch};
+use super::aba_implicit::Ahead;
 use super::body_adjoint::{AdjointMotion, BodyCotangents, add_factor_products, body_adjoint};
 use super::joint_torque::implicit_joint_torque;
 use super::joint_torque_adjoint::joint_torque_adjoint;
@@ -32,15 +33,6 @@ pub struct Accelerations<'a, L> {
     pub twist: Vector6<L>,
     /// q''.
     pub qd: &'a [L; JOINTS],
-}
-
-/// Step of a linearly implicit method; without meaning for explicit ones.
-#[derive(Debug, Clone, Copy)]
-pub struct ImplicitStep<L> {
-    /// Step size, s.
-    pub h: L,
-    /// True if the vehicle's servo is on.
-    pub vehicle_servo: bool,
 }
 
 /// Cotangents of an [`Instant`].
@@ -143,15 +135,15 @@ fn by_coordinate<L: Lane>(joint: &JointTerms<L>, of: Vector6<L>, x: Vector6<L>) 
     m[0].mul_add(w[1], f[0].mul_add(v[1], -(m[1].mul_add(w[0], f[1] * v[0]))))
 }
 
-/// Cotangents of instant, loads and factors from those of the accelerations at an instant. Sets `of_instant`, adds to `of_loads` and,
-/// with the parts of the bodies, to the factors. The accelerations are those of [`super::aba::accelerations`], with `IMPLICIT` those
-/// of [`super::aba_implicit::implicit_accelerations`].
+/// Cotangents of instant, loads and factors from the cotangents of the accelerations at an instant. Sets `of_instant`, adds to
+/// `of_loads` and, with the parts of the bodies, to the factors. The accelerations are results of [`super::aba::accelerations`],
+/// with `IMPLICIT` of [`super::aba_implicit::implicit_accelerations`]; explicit methods do not use `step`.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "inputs, outputs and cotangents of one function")]
 pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     system: &System<L>,
     at: &Instant<L>,
-    step: ImplicitStep<L>,
+    step: Ahead<L>,
     loads: &ArmLoads<L>,
     accelerations: Accelerations<L>,
     cotangents: Accelerations<L>,
@@ -312,7 +304,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     of_instant.fixed_rate = Vector3::zero();
 }
 
-/// Adds the cotangents of the coefficients of a target from those of its value and its rate at a time.
+/// Adds the cotangents of a target's coefficients from the cotangents of its value and its rate at a time.
 #[inline(always)]
 pub fn add_target<L: Lane>(terms: usize, time: L, [value, rate]: [L; 2], of: &mut [L; 4]) {
     if terms > 0 {

@@ -11,7 +11,7 @@
 //! D and K belong to bodies or to joints, and displacements compose along the chain as twists do. The recursion of
 //! [`super::aba`] therefore solves this with `A_i + h D_i + h^2 K_i` as the inertia of each body and `h (d + h k)` added to D
 //! of each joint. h D_i multiplies all of `V_i'`, velocity products included: that is the change of the body's twist. No
-//! pivot is smaller than that of the explicit form.
+//! pivot is smaller than in the explicit form.
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
@@ -23,12 +23,12 @@ use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 use crate::system::{BodyTerms, JOINTS, System};
 
-/// Time ahead at which forces are evaluated.
+/// Step of a linearly implicit method: the time ahead at which forces are evaluated.
 #[derive(Debug, Clone, Copy)]
 pub struct Ahead<L> {
-    /// Step size, s. [`Instant::time`] is that of the end of the step.
+    /// Step size, s. [`Instant::time`] is the time at the end of the step.
     pub h: L,
-    /// True if [`Instant::wrench`] includes that of the vehicle's servo.
+    /// True if the vehicle's servo is on: [`Instant::wrench`] then includes its wrench.
     pub vehicle_servo: bool,
 }
 

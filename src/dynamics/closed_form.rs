@@ -2,9 +2,9 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
-use super::dense::{DenseBody, EndStop, Pose, friction, relative_twist};
+use super::dense::{DenseBody, DensePose, EndStop, friction, relative_twist};
 use super::dynamical_balance::{Composite, Equations};
-use crate::description::{Arm, Scene, Thruster, Vehicle};
+use crate::description::{Arm, Body, Scene, Thruster, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 use crate::terms::{DenseInstant, PerTerm};
@@ -25,7 +25,7 @@ pub struct ClosedFormModel {
     density: f64,
     pub(super) gravity: Vector3<f64>,
     /// Body of `system` that carries the end effector, and the end effector in its frame.
-    pub(super) end_effector: (usize, Pose),
+    pub(super) end_effector: (usize, DensePose),
 }
 
 impl ClosedFormModel {
@@ -35,7 +35,8 @@ impl ClosedFormModel {
     /// [`DynamicsError::Joints`] for a scene with more joints than a [`State`] holds.
     pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
         let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
-        let payload = scene.payload.as_ref().map(|payload| (Pose::from_frame(&payload.frame), rigid(&payload.body)));
+        let payload =
+            scene.payload.as_ref().map(|payload| (DensePose::from_frame(&payload.frame), rigid(&payload.body)));
         let vehicle = rigid(&scene.vehicle.body);
         let (system, arm, end_effector) = match &scene.arm {
             None => {
@@ -43,16 +44,16 @@ impl ClosedFormModel {
                     None => vehicle,
                     Some((frame, payload)) => vehicle.fixed_loading(0, frame, payload),
                 };
-                (system, None, (0, Pose::identity()))
+                (system, None, (0, DensePose::identity()))
             }
             Some(description) => {
-                let end_effector = Pose::from_frame(&description.end_effector);
+                let end_effector = DensePose::from_frame(&description.end_effector);
                 let last = description.links.len();
                 let mut arm = compose_arm(description, scene);
                 if let Some((frame, payload)) = payload {
                     arm = arm.fixed_loading(last, end_effector * frame, payload);
                 }
-                let mount = Pose::from_frame(&description.mount.frame);
+                let mount = DensePose::from_frame(&description.mount.frame);
                 let system = match &description.mount.joint {
                     None => vehicle.fixed_loading(0, mount, arm.clone()),
                     Some(joint) => vehicle.joint_loading(0, mount, joint.clone(), arm.clone()),
@@ -87,7 +88,7 @@ impl ClosedFormModel {
             model: self,
             equations,
             moving,
-            pose: Pose { rotation: state.rotation, position: state.position },
+            pose: DensePose { rotation: state.rotation, position: state.position },
             q: DVector::from_column_slice(&state.q[..n]),
             qd: DVector::from_column_slice(&state.qd[..n]),
             flow,
@@ -97,10 +98,11 @@ impl ClosedFormModel {
 
 /// Base and links, one joint loading after the other. `[HC eq. 28]`
 fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
-    let base = arm.base.as_ref().map_or_else(DenseBody::massless, |body| DenseBody::new(body, &scene.water));
+    // Without a body the base is a mere frame.
+    let base = DenseBody::new(arm.base.as_ref().unwrap_or(&Body::default()), &scene.water);
     arm.links.iter().enumerate().fold(Composite::rigid_body(base), |arm, (carrier, link)| {
         let body = Composite::rigid_body(DenseBody::new(&link.body, &scene.water));
-        arm.joint_loading(carrier, Pose::identity(), link.joint.clone(), body)
+        arm.joint_loading(carrier, DensePose::identity(), link.joint.clone(), body)
     })
 }
 
@@ -178,7 +180,7 @@ pub struct ClosedForm<'a> {
     /// Indices of the moving bodies in `equations`: the vehicle, and one per joint.
     pub(super) moving: Vec<usize>,
     /// Pose of the vehicle in the world.
-    pub(super) pose: Pose,
+    pub(super) pose: DensePose,
     pub(super) q: DVector<f64>,
     pub(super) qd: DVector<f64>,
     pub(super) flow: Flow,
@@ -364,7 +366,7 @@ impl ClosedForm<'_> {
     }
 
     /// Pose of body `k` of `equations` in the world.
-    pub(super) fn world_pose(&self, k: usize) -> Pose {
+    pub(super) fn world_pose(&self, k: usize) -> DensePose {
         self.pose * self.equations.bodies[k].pose
     }
 

@@ -8,8 +8,8 @@
 //! V_c = Ad^-1 V_k + E q0'      V_c' = Ad^-1 V_k' + E q0'' - ad_(E q0') V_c
 //! ```
 //!
-//! without E and q0 under fixed loading (eq. 32); the last term is that of the moving joint frame. Because `V_k = W_k^T nu_p`,
-//! the velocities of both parts are linear in those of the composite, `nu_p = J_p nu` and `nu_c = J_c nu`. Their d'Alembertian
+//! without E and q0 under fixed loading (eq. 32); the last term is due to the moving joint frame. Because `V_k = W_k^T nu_p`,
+//! the velocities of both parts are linear in nu of the composite, `nu_p = J_p nu` and `nu_c = J_c nu`. Their d'Alembertian
 //! wrenches `F* = W F + L tau - M nu' - b` balance in the dual of the constraint `[HC eqs. 30, 33]`,
 //!
 //! ```text
@@ -23,7 +23,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::dense::{DenseBody, Pose, ad, joint_axis, joint_pose};
+use super::dense::{DenseBody, DensePose, ad, joint_axis, joint_pose};
 use crate::description::Joint;
 
 /// A rigid body, or a parent loaded with a child. Bodies and joints are numbered parent first.
@@ -37,7 +37,7 @@ pub struct Composite {
 #[derive(Debug, Clone)]
 enum Node {
     Body(Box<DenseBody>),
-    Loading { parent: Box<Composite>, at: usize, mount: Pose, joint: Option<Box<Joint>>, child: Box<Composite> },
+    Loading { parent: Box<Composite>, at: usize, mount: DensePose, joint: Option<Box<Joint>>, child: Box<Composite> },
 }
 
 impl Composite {
@@ -51,7 +51,7 @@ impl Composite {
     ///
     /// # Panics
     /// If this system has no body `at`.
-    pub fn fixed_loading(self, at: usize, mount: Pose, child: Self) -> Self {
+    pub fn fixed_loading(self, at: usize, mount: DensePose, child: Self) -> Self {
         self.load(at, mount, None, child)
     }
 
@@ -60,11 +60,11 @@ impl Composite {
     ///
     /// # Panics
     /// If this system has no body `at`.
-    pub fn joint_loading(self, at: usize, mount: Pose, joint: Joint, child: Self) -> Self {
+    pub fn joint_loading(self, at: usize, mount: DensePose, joint: Joint, child: Self) -> Self {
         self.load(at, mount, Some(Box::new(joint)), child)
     }
 
-    fn load(self, at: usize, mount: Pose, joint: Option<Box<Joint>>, child: Self) -> Self {
+    fn load(self, at: usize, mount: DensePose, joint: Option<Box<Joint>>, child: Self) -> Self {
         assert!(at < self.bodies, "body {at} of {}", self.bodies);
         Self {
             bodies: self.bodies + child.bodies,
@@ -119,7 +119,7 @@ impl Composite {
 struct Loading<'a> {
     at: usize,
     /// Child base in body `at`.
-    pose: Pose,
+    pose: DensePose,
     /// The joint, its matrix E and its rate.
     joint: Option<(&'a Joint, Vector6<f64>, f64)>,
 }
@@ -136,7 +136,7 @@ pub struct BodyMotion<'a> {
     /// Its constants.
     pub body: &'a DenseBody,
     /// Its frame in the system's base frame.
-    pub pose: Pose,
+    pub pose: DensePose,
     /// Its absolute body twist V_k.
     pub twist: Vector6<f64>,
     /// `W_k'^T nu`, the velocity product in its acceleration `W_k^T nu' + W_k'^T nu`.
@@ -144,7 +144,7 @@ pub struct BodyMotion<'a> {
     /// The moving body it belongs to: itself, or the body it is fixed to.
     pub carrier: usize,
     /// Its frame in the frame of the moving body.
-    pub in_carrier: Pose,
+    pub in_carrier: DensePose,
 }
 
 /// Equations of motion `W F + L tau = M [V'; q''] + bias` of a free-base system of k bodies and n joints at one
@@ -169,11 +169,11 @@ impl<'a> Equations<'a> {
     fn of_body(body: &'a DenseBody, twist: &Vector6<f64>, water: &Vector3<f64>) -> Self {
         let motion = BodyMotion {
             body,
-            pose: Pose::identity(),
+            pose: DensePose::identity(),
             twist: *twist,
             drift: Vector6::zeros(),
             carrier: 0,
-            in_carrier: Pose::identity(),
+            in_carrier: DensePose::identity(),
         };
         Self {
             mass_matrix: to_dynamic(&body.inertia()),

@@ -3,11 +3,11 @@
 use nalgebra::{Matrix6xX, Vector6};
 
 use super::closed_form::ClosedForm;
-use super::dense::Pose;
+use super::dense::DensePose;
 
 impl ClosedForm<'_> {
     /// Poses of the moving bodies in the world, vehicle first.
-    pub fn body_poses(&self) -> Vec<Pose> {
+    pub fn body_poses(&self) -> Vec<DensePose> {
         self.moving.iter().map(|&k| self.world_pose(k)).collect()
     }
 
@@ -17,7 +17,7 @@ impl ClosedForm<'_> {
     }
 
     /// Pose of the end effector in the world: on the last link, else on the arm's base, else the vehicle's pose.
-    pub fn end_effector_pose(&self) -> Pose {
+    pub fn end_effector_pose(&self) -> DensePose {
         let (carrier, end_effector) = self.model.end_effector;
         self.world_pose(carrier) * end_effector
     }

@@ -14,7 +14,7 @@ use crate::system::{JOINTS, JointPlacement, JointScrew, JointTerms};
 
 /// Intermediate results of the passes at a link.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Link<L> {
+pub(crate) struct LinkScratch<L> {
     /// Sine and cosine of theta of a revolute joint; d of a prismatic one, m.
     pub screw: [L; 2],
     /// Theta at the start of the step, its sine and its cosine.
@@ -49,14 +49,14 @@ pub(crate) enum Drive<L> {
 /// Working memory of the passes.
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
-    pub(crate) links: [Link<L>; JOINTS],
+    pub(crate) links: [LinkScratch<L>; JOINTS],
 }
 
 impl<L: Lane> Scratch<L> {
     /// Zeros. No pass reads an entry before it has written it.
     pub fn new() -> Self {
         let (zero, none) = (L::zero(), Vector6::zero());
-        let link = Link {
+        let link = LinkScratch {
             screw: [zero; 2],
             start: [zero; 3],
             g: Vector3::zero(),
@@ -70,9 +70,7 @@ impl<L: Lane> Scratch<L> {
         };
         Self { links: [link; JOINTS] }
     }
-}
 
-impl<L: Lane> Scratch<L> {
     /// Inertia about or along joint `i` at the last implicit pass.
     #[inline(always)]
     pub fn inertia(&self, i: usize) -> L {
@@ -122,14 +120,14 @@ pub(super) fn add_joint_rate<L: Lane, P: Copy, B>(
     twist
 }
 
-/// Sets `screw` of each link from the joint coordinates. Within a step, sine and cosine are computed from those at its start,
-/// which are near.
+/// Sets `screw` of each link from the joint coordinates. Within a step, sine and cosine are computed from their values at its
+/// start, which are near.
 #[inline(always)]
 pub(super) fn joint_screws<L: Lane, P: Param<L>, B>(
     joints: &[JointTerms<P, B>],
     is_start: bool,
     q: &[L; JOINTS],
-    links: &mut [Link<L>],
+    links: &mut [LinkScratch<L>],
 ) {
     for i in 0..joints.len().min(links.len()) {
         let (joint, link) = (&joints[i], &mut links[i]);
@@ -166,8 +164,8 @@ macro_rules! with_screw {
     };
 }
 
-impl<L: Lane> Link<L> {
-    /// Gravity and twist in this link's frame from those in its parent's; sets c.
+impl<L: Lane> LinkScratch<L> {
+    /// Gravity and twist in this link's frame from gravity and twist in its parent's; sets c.
     #[inline(always)]
     pub fn outward<P: Param<L>, B>(
         &mut self,
@@ -176,22 +174,11 @@ impl<L: Lane> Link<L> {
         twist: Vector6<L>,
         qd: L,
     ) -> (Vector3<L>, Vector6<L>) {
-        let (gravity, twist) = self.both_from_parent(joint, gravity, twist);
+        let (gravity, twist) = joint.placement.both_from_parent(gravity, twist);
+        let (gravity, twist) = with_screw!(self, joint, |screw| screw.both_from_parent(gravity, twist));
         let twist = add_joint_rate(joint, twist, qd);
         self.c = velocity_product(joint.is_prismatic(), twist, qd);
         (gravity, twist)
-    }
-
-    /// Vector in this link's axes and twist at this link's frame, from the parent's.
-    #[inline(always)]
-    fn both_from_parent<P: Param<L>, B>(
-        &self,
-        joint: &JointTerms<P, B>,
-        v: Vector3<L>,
-        twist: Vector6<L>,
-    ) -> (Vector3<L>, Vector6<L>) {
-        let (v, twist) = joint.placement.both_from_parent(v, twist);
-        with_screw!(self, joint, |screw| screw.both_from_parent(v, twist))
     }
 
     /// Twist at this link's frame from the parent's.
@@ -253,7 +240,7 @@ impl<L: Lane> Link<L> {
         (self.inertia_to_parent(joint, &I_a), self.wrench_to_parent(joint, p_a))
     }
 
-    /// Wrench at the parent's frame from that on this link.
+    /// Wrench at the parent's frame from the wrench on this link.
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {
         joint.placement.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
@@ -299,7 +286,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// Inertia in the parent's frame from that in the joint's frame at zero.
+    /// Inertia in the parent's frame from the inertia in the joint's frame at zero.
     #[inline(always)]
     pub(super) fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
     where
@@ -317,7 +304,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// Wrench at the parent's frame from that at the joint's frame at zero.
+    /// Wrench at the parent's frame from the wrench at the joint's frame at zero.
     #[inline(always)]
     pub(super) fn wrench_to_parent<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
     where

@@ -11,7 +11,7 @@ use super::errors::OrRaise;
 use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
-use uvms_gym::dynamics::dense::Pose;
+use uvms_gym::dynamics::dense::DensePose;
 use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
 use uvms_gym::error::DynamicsError;
 use uvms_gym::terms::TERMS;
@@ -94,7 +94,7 @@ pub(super) fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
 }
 
 /// A homogeneous matrix row by row.
-fn pose_rows(pose: &Pose) -> Vec<f64> {
+fn pose_rows(pose: &DensePose) -> Vec<f64> {
     let mut matrix = pose.rotation.to_homogeneous();
     matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(&pose.position);
     matrix.transpose().as_slice().to_vec()

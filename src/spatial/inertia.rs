@@ -21,12 +21,6 @@ numbers! {
 /// Index of each entry of a symmetric 3x3 matrix among its six numbers.
 pub(crate) const PACKED: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
-/// Full form of a symmetric 3x3 matrix.
-#[inline(always)]
-pub(crate) fn unpacked<L: Copy>(s: &[L; 6]) -> Matrix3<L> {
-    Matrix3([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
-}
-
 /// Packed form of a symmetric 3x3 matrix, from its upper half.
 #[inline(always)]
 fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
@@ -192,8 +186,8 @@ impl<L: Lane> SpatialInertia<L> {
     pub fn apply(&self, twist: Vector6<L>) -> Vector6<L> {
         let h = Matrix3(self.h);
         Vector6 {
-            linear: unpacked(&self.m).apply(twist.linear) + h.apply(twist.angular),
-            angular: unpacked(&self.j).apply(twist.angular) + h.apply_transposed(twist.linear),
+            linear: Matrix3::symmetric(&self.m).apply(twist.linear) + h.apply(twist.angular),
+            angular: Matrix3::symmetric(&self.j).apply(twist.angular) + h.apply_transposed(twist.linear),
         }
     }
 
@@ -342,9 +336,9 @@ impl<L: Lane> SpatialInertia<L> {
     pub fn to_parent(&self, pose: &Pose<L>) -> Self {
         let r = &pose.rotation;
         let rt = r.transposed();
-        let m = r.times(&unpacked(&self.m)).times(&rt);
+        let m = r.times(&Matrix3::symmetric(&self.m)).times(&rt);
         let h = r.times(&Matrix3(self.h)).times(&rt);
-        let j = r.times(&unpacked(&self.j)).times(&rt);
+        let j = r.times(&Matrix3::symmetric(&self.j)).times(&rt);
         Self { m: packed(&m), h: h.0, j: packed(&j) }.shifted(pose.position)
     }
 
@@ -353,8 +347,8 @@ impl<L: Lane> SpatialInertia<L> {
     pub fn shifted(&self, r: Vector3<L>) -> Self {
         // H' = H - M [r], J' = J - H^T [r] + [r] H', where [r] H' = -(H'^T [r])^T.
         let h = Matrix3(self.h);
-        let h_new = minus_crossed(&h, &unpacked(&self.m), r);
-        let half = minus_crossed(&unpacked(&self.j), &h.transposed(), r);
+        let h_new = minus_crossed(&h, &Matrix3::symmetric(&self.m), r);
+        let half = minus_crossed(&Matrix3::symmetric(&self.j), &h.transposed(), r);
         let j_new = minus_crossed(&half.transposed(), &h_new.transposed(), r).transposed();
         Self { m: self.m, h: h_new.0, j: packed(&j_new) }
     }
@@ -372,7 +366,7 @@ impl<L: Lane> SpatialInertia<L> {
         let (h, m) = (Matrix3(self.h), adjugate(&self.m));
         let over_m = L::c(1.0) / determinant(&self.m, &m);
         // adj(M) H and H^T adj(M) H
-        let n = unpacked(&m).times(&h);
+        let n = Matrix3::symmetric(&m).times(&h);
         let columns = (h.transposed().0, n.transposed().0);
         let mut s = self.j;
         unroll!(i in 0 1 2 => {
@@ -384,8 +378,8 @@ impl<L: Lane> SpatialInertia<L> {
         let of_s = adjugate(&s);
         let over_s = L::c(1.0) / determinant(&s, &of_s);
         let rest = n.apply_transposed(b.linear).scale_add(-over_m, b.angular);
-        let angular = unpacked(&of_s).apply(rest).scale(over_s);
-        let linear = (unpacked(&m).apply(b.linear) - n.apply(angular)).scale(over_m);
+        let angular = Matrix3::symmetric(&of_s).apply(rest).scale(over_s);
+        let linear = (Matrix3::symmetric(&m).apply(b.linear) - n.apply(angular)).scale(over_m);
         Vector6 { linear, angular }
     }
 }

@@ -50,6 +50,47 @@ pub fn screw_z<T, S>(sin: T, cos: T, d: Option<S>) -> Screw<T, S, 2> {
     Screw { rotation: LinkTwist::General(sin, cos), translation: d }
 }
 
+/// Rotation of vectors in the plane of a screw: entries (a, b) by a quarter turn, and by the sine s and cosine c of any angle.
+macro_rules! rotation {
+    ($(#[$doc:meta])* $name:ident, |$a:ident, $b:ident| $quarter:expr, |$x:ident, $y:ident, $s:ident, $c:ident| $general:expr) => {
+        $(#[$doc])*
+        #[inline(always)]
+        fn $name<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
+        where
+            T: Param<L>,
+            S: Param<L>,
+        {
+            let (i, k) = (Self::I, Self::K);
+            match self.rotation {
+                LinkTwist::Deg0 => {}
+                LinkTwist::Deg90 => {
+                    unroll!(n < N => {
+                        let v = &mut vectors[n].0;
+                        let ($a, $b) = (v[i], v[k]);
+                        (v[i], v[k]) = $quarter;
+                    });
+                }
+                LinkTwist::Deg180 => {
+                    unroll!(n < N => {
+                        let v = &mut vectors[n].0;
+                        (v[i], v[k]) = (-v[i], -v[k]);
+                    });
+                }
+                LinkTwist::General(s, c) => {
+                    cold_path();
+                    let ($s, $c): (L, L) = (s.get(), c.get());
+                    unroll!(n < N => {
+                        let v = &mut vectors[n].0;
+                        let ($x, $y) = (v[i], v[k]);
+                        (v[i], v[k]) = $general;
+                    });
+                }
+            }
+            vectors
+        }
+    };
+}
+
 impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     /// Axes of the plane of rotation, in cyclic order.
     const I: usize = (ALONG + 1) % 3;
@@ -66,39 +107,19 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         out
     }
 
-    /// Rotates vectors from child to parent axes, with one branch for all of them.
-    #[inline(always)]
-    fn rotate_all<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
-    where
-        T: Param<L>,
-        S: Param<L>,
-    {
-        let (i, k) = (Self::I, Self::K);
-        match self.rotation {
-            LinkTwist::Deg0 => {}
-            LinkTwist::Deg90 => {
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (-v.0[k], v.0[i]);
-                });
-            }
-            LinkTwist::Deg180 => {
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
-                });
-            }
-            LinkTwist::General(s, c) => {
-                cold_path();
-                let (s, c): (L, L) = (s.get(), c.get());
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (c.mul_add(v.0[i], -(s * v.0[k])), s.mul_add(v.0[i], c * v.0[k]));
-                });
-            }
-        }
-        vectors
-    }
+    rotation!(
+        /// Rotates vectors from child to parent axes, with one branch for all of them.
+        rotate_all,
+        |a, b| (-b, a),
+        |a, b, s, c| (c.mul_add(a, -(s * b)), s.mul_add(a, c * b))
+    );
+
+    rotation!(
+        /// Rotates vectors from parent to child axes, with one branch for all of them.
+        rotate_all_inverse,
+        |a, b| (b, -a),
+        |a, b, s, c| (c.mul_add(a, s * b), c.mul_add(b, -(s * a)))
+    );
 
     /// Transforms a point from the child frame to the parent frame.
     #[inline(always)]
@@ -112,40 +133,6 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
             point.0[ALONG] += d;
         }
         self.rotate(point)
-    }
-
-    /// Rotates vectors from parent to child axes, with one branch for all of them.
-    #[inline(always)]
-    fn rotate_all_inverse<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
-    where
-        T: Param<L>,
-        S: Param<L>,
-    {
-        let (i, k) = (Self::I, Self::K);
-        match self.rotation {
-            LinkTwist::Deg0 => {}
-            LinkTwist::Deg90 => {
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (v.0[k], -v.0[i]);
-                });
-            }
-            LinkTwist::Deg180 => {
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
-                });
-            }
-            LinkTwist::General(s, c) => {
-                cold_path();
-                let (s, c): (L, L) = (s.get(), c.get());
-                unroll!(n < N => {
-                    let v = &mut vectors[n];
-                    (v.0[i], v.0[k]) = (c.mul_add(v.0[i], s * v.0[k]), c.mul_add(v.0[k], -(s * v.0[i])));
-                });
-            }
-        }
-        vectors
     }
 
     /// `Ad^-1 V`: transforms a twist from the parent frame to the child frame.

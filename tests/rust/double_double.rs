@@ -125,7 +125,7 @@ impl Lane for DoubleDouble {
     fn abs(self) -> Self {
         if self.high < 0.0 { -self } else { self }
     }
-    /// As of f64: on whole and half numbers alone the rest decides, and there the kernels are not differentiable.
+    /// As of f64: the rest decides only at integers and halves, where the kernels are not differentiable.
     fn round(self) -> Self {
         Self::splat(self.high.round_ties_even())
     }

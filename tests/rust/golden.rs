@@ -79,7 +79,7 @@ struct Expected {
     details: Option<Details>,
 }
 
-/// In the coordinates that are free: without the vehicle's six where it is held.
+/// In the free coordinates: without the vehicle's six if it is fixed.
 #[derive(Deserialize)]
 struct Details {
     mass_matrix: Vec<Vec<f64>>,

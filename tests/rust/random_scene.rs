@@ -12,11 +12,11 @@ use uvms_gym::system::State;
 pub struct Options {
     /// Number of links; with `Some(0)` there may still be an arm base.
     pub links: Option<usize>,
-    /// Whether the vehicle is held in the world.
+    /// Whether the vehicle is fixed in the world.
     pub fixed: Option<bool>,
     /// Whether a joint q0 carries the arm base.
     pub joint_loading: Option<bool>,
-    /// Whether something is held.
+    /// Whether there is a payload.
     pub payload: Option<bool>,
     /// Whether the water moves.
     pub current: Option<bool>,
@@ -178,7 +178,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         let coin = random.coin();
         option.unwrap_or(coin)
     };
-    let (fixed, q0, held) = (choose(options.fixed), choose(options.joint_loading), choose(options.payload));
+    let (fixed, q0, payload) = (choose(options.fixed), choose(options.joint_loading), choose(options.payload));
     let (moving_water, forces) = (choose(options.current), choose(options.joint_forces));
     let links = (random.bits() % (MAX_LINKS as u64 + 1)) as usize;
     let links = options.links.unwrap_or(links);
@@ -225,7 +225,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         water,
         vehicle,
         arm: (links > 0 || has_base).then_some(arm),
-        payload: held.then(|| Payload { frame: random.frame(0.1), body: random.body(2.0, 0.3, dry) }),
+        payload: payload.then(|| Payload { frame: random.frame(0.1), body: random.body(2.0, 0.3, dry) }),
         provenance: Provenance::default(),
     };
     if let Err(error) = scene.check() {
@@ -234,7 +234,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
     scene
 }
 
-/// A state in general position: any attitude, speeds up to 0.5 (rest for a vehicle that is held), joints about home.
+/// A state in general position: any attitude, speeds up to 0.5 (rest for a fixed vehicle), joints about home.
 pub fn random_state(seed: u64, scene: &Scene) -> State {
     let mut random = Random::new(seed ^ 0x5EED);
     let mut state = State { position: random.vector(2.0), rotation: random.rotation(), ..State::default() };

@@ -220,20 +220,15 @@ fn stiffened(name: &str, factor: f64) -> Scene {
 }
 
 /// Growth of a small deviation from a balanced rest at home in 600 steps with servos on.
-fn growth(scene: &Scene, integrator: &str, dt: f64, wrench: &[f64], torque: &[f64]) -> f64 {
+fn growth(scene: &Scene, integrator: &str, dt: f64, balance: Inputs) -> f64 {
     let n = scene.joints().count();
     let mut state = simulator(scene, integrator, dt).state(0);
     state.twist = Vector6::from_fn(|k, _| 1e-10 * (1.0 + k as f64));
     (0..n).for_each(|k| state.qd[k] = 1e-10 * (3.0 - k as f64));
     let station = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let target = scene.home();
-    let inputs = Inputs {
-        wrench: Some(wrench),
-        joint_torque: Some(torque),
-        joint_target: (n > 0).then_some(&target[..n]),
-        pose_target: Some(&station),
-        ..Inputs::default()
-    };
+    let joint_target = (n > 0).then_some(&target[..n]);
+    let inputs = Inputs { joint_target, pose_target: Some(&station), ..balance };
     let end = run(scene, integrator, dt, &state, &inputs, 600);
     let size = |state: &State| state.twist.iter().chain(&state.qd).fold(0.0, |a: f64, x| a.max(x.abs()));
     let finite = end.twist.iter().chain(&end.qd).all(|x| x.is_finite());
@@ -248,13 +243,13 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
             let state = State { q: scene.home(), ..State::default() };
             let trim = ClosedFormModel::new(&scene).unwrap().trim(&state, Vector3::zeros()).unwrap();
             let (wrench, torque) = (trim.wrench.as_slice(), trim.joint_torques.as_slice());
-            let held = Inputs { wrench: Some(wrench), joint_torque: Some(torque), ..Inputs::default() };
-            let found = rates(&scene, &held, BOTH);
+            let balance = Inputs { wrench: Some(wrench), joint_torque: Some(torque), ..Inputs::default() };
+            let found = rates(&scene, &balance, BOTH);
             for integrator in ["mk4", "mk3", "mk2"] {
                 let stability = Integrator::named(integrator, &Gains::DEFAULT).unwrap().stability();
                 let most = |h: f64, rate: &Complex<f64>| stability.max_step(*rate, 0.0, h);
                 let stable = found.iter().fold(f64::INFINITY, most);
-                let [below, above] = [0.9, 1.15].map(|f| growth(&scene, integrator, f * stable, wrench, torque));
+                let [below, above] = [0.9, 1.15].map(|f| growth(&scene, integrator, f * stable, balance));
                 println!("{name} x{factor} {integrator}: {stable:.3e} s, growth {below:.2e} below, {above:.2e} above");
                 assert!(below < 3.0, "{name} x{factor} {integrator}: {below} at 0.9 of {stable}");
                 assert!(above > 1e3, "{name} x{factor} {integrator}: {above} at 1.15 of {stable}");
@@ -267,7 +262,7 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
 fn an_unstable_step_is_said_once_and_by_its_numbers() {
     let scene = stiffened("bluerov2-heavy-alpha5", 10.0);
     let mut s = simulator(&scene, "mk4", 0.02);
-    // Without the servos it is stable, and nobody is warned.
+    // Without the servos it is stable: no warning.
     assert_eq!(s.warn_of_step(OFF), None);
     let unstable = s.warn_of_step(JOINTS).unwrap();
     let text = unstable.to_string();
@@ -294,7 +289,7 @@ fn simulators_of_one_scene_share_their_survey() {
 }
 
 #[test]
-fn a_held_vehicle_has_no_rates_and_a_speed_must_be_one() {
+fn a_fixed_vehicle_has_no_rates_and_a_speed_must_be_one() {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
     scene.vehicle.fixed = true;
     let s = simulator(&scene, "mk4", 0.01);
@@ -342,9 +337,9 @@ fn val_rates_of_a_tether_in_the_current_of_a_scene() {
     }
 }
 
-/// A held vehicle stays in the current: its arm has the rates of the motion of an arm through water at rest.
+/// A fixed vehicle stays in the current: its arm has the rates of the motion of an arm through water at rest.
 #[test]
-fn a_held_vehicle_has_the_rates_of_its_arm_in_the_current() {
+fn a_fixed_vehicle_has_the_rates_of_its_arm_in_the_current() {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
     scene.vehicle.fixed = true;
     let modes = |scene: &Scene, speed| simulator(scene, "mk4", 0.01).modal_analysis(speed).unwrap().modes(OFF);

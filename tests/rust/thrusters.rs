@@ -149,7 +149,7 @@ fn inflow_takes_thrust_away() {
     assert_eq!(acting(&scene, 0.0, 1.0), 0.0);
 }
 
-/// Inflow is that of the thruster through the water, not of the origin over ground.
+/// Inflow is the velocity of the thruster through the water, not of the origin over ground.
 #[test]
 fn inflow_is_relative_and_at_the_thruster() {
     let mut scene = puck("ambient_flow = 1.0");

@@ -2,9 +2,8 @@
 
 use super::equations_of_motion::{EquationsOfMotion, StationServo};
 use crate::dynamics::aba::{ArmLoads, Instant};
-use crate::dynamics::aba_adjoint::{
-    Accelerations, AdjointScratch, ImplicitStep, InstantCotangents, accelerations_adjoint,
-};
+use crate::dynamics::aba_adjoint::{Accelerations, AdjointScratch, InstantCotangents, accelerations_adjoint};
+use crate::dynamics::aba_implicit::Ahead;
 use crate::hydro::{CourseCotangents, ThrustCotangents};
 use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StageState};
 use crate::lane::{Lane, Routine, unroll};
@@ -108,7 +107,7 @@ pub struct EquationsAdjoint<'a, 'b, L: Lane> {
 struct StageAdjoint<'a, 'b, 'c, L: Lane, const IMPLICIT: bool> {
     adjoint: &'a mut EquationsAdjoint<'b, 'c, L>,
     at: Instant<'a, L>,
-    step: ImplicitStep<L>,
+    step: Ahead<L>,
     rates: &'a Rates<L, JOINTS>,
     of_rates: &'a Rates<L, JOINTS>,
 }
@@ -166,10 +165,10 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let (none, fixed_rate) = (Vector6::zero(), Vector3::zero());
         let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time };
         if let Some(h) = size {
-            let step = ImplicitStep { h, vehicle_servo: self.equations.station.is_some() };
+            let step = Ahead { h, vehicle_servo: self.equations.station.is_some() };
             L::call(&mut StageAdjoint::<_, true> { adjoint: self, at: instant, step, rates, of_rates });
         } else {
-            let step = ImplicitStep { h: L::zero(), vehicle_servo: false };
+            let step = Ahead { h: L::zero(), vehicle_servo: false };
             L::call(&mut StageAdjoint::<_, false> { adjoint: self, at: instant, step, rates, of_rates });
         }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::se3::{Pose, stack};
+use super::se3::{DensePose, stack};
 use crate::description::{Joint, JointKind};
 
 /// Joint matrix E: twist of the child in its own frame per joint rate. `[HC eq. 9]`
@@ -14,12 +14,12 @@ pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
 }
 
 /// Pose of the child frame in the parent frame at joint coordinate `q`.
-pub fn joint_pose(joint: &Joint, q: f64) -> Pose {
+pub fn joint_pose(joint: &Joint, q: f64) -> DensePose {
     let motion = match joint.kind {
-        JointKind::Revolute => Pose::turn(&joint.axis, q),
-        JointKind::Prismatic => Pose::shift(joint.axis * q),
+        JointKind::Revolute => DensePose::turn(&joint.axis, q),
+        JointKind::Prismatic => DensePose::shift(joint.axis * q),
     };
-    Pose::from_frame(&joint.frame) * motion
+    DensePose::from_frame(&joint.frame) * motion
 }
 
 /// Friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`, N m or N.

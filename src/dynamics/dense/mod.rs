@@ -6,4 +6,4 @@ mod se3;
 
 pub use joint::{EndStop, actuator_torque, friction, joint_axis, joint_pose};
 pub use rigid_body::{DenseBody, relative_twist};
-pub use se3::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
+pub use se3::{DensePose, ad, angular, blocks, force_at, linear, stack};

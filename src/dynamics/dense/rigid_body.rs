@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::se3::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
+use super::se3::{DensePose, ad, angular, blocks, force_at, linear, stack};
 use crate::description::{Body, Water};
 
 /// Constants of a body in its own frame.
@@ -17,7 +17,7 @@ pub struct DenseBody {
     /// Mass of the displaced water, kg.
     displaced: f64,
     center_of_buoyancy: Vector3<f64>,
-    pub(crate) hydrodynamic: Pose,
+    pub(crate) hydrodynamic: DensePose,
     pub(crate) linear_damping: Matrix6<f64>,
     pub(crate) quadratic_damping: Matrix6<f64>,
 }
@@ -25,9 +25,9 @@ pub struct DenseBody {
 impl DenseBody {
     /// Constants of `body` in `water`.
     pub fn new(body: &Body, water: &Water) -> Self {
-        let c = cross(&body.center_of_mass);
+        let c = body.center_of_mass.cross_matrix();
         let m = body.mass;
-        let hydrodynamic = Pose::from_frame(&body.hydrodynamic_frame);
+        let hydrodynamic = DensePose::from_frame(&body.hydrodynamic_frame);
         let to_hydrodynamic = hydrodynamic.adjoint_inverse();
         Self {
             rigid: blocks(Matrix3::identity() * m, c * -m, c * m, body.inertia_about_com() - c * c * m),
@@ -39,21 +39,6 @@ impl DenseBody {
             hydrodynamic,
             linear_damping: body.damping.linear,
             quadratic_damping: body.damping.quadratic,
-        }
-    }
-
-    /// Massless body: a mere frame.
-    pub fn massless() -> Self {
-        Self {
-            rigid: Matrix6::zeros(),
-            added: Matrix6::zeros(),
-            mass: 0.0,
-            center_of_mass: Vector3::zeros(),
-            displaced: 0.0,
-            center_of_buoyancy: Vector3::zeros(),
-            hydrodynamic: Pose::identity(),
-            linear_damping: Matrix6::zeros(),
-            quadratic_damping: Matrix6::zeros(),
         }
     }
 
@@ -96,7 +81,7 @@ impl DenseBody {
     }
 
     /// Potential energy of weight and buoyancy, J, 0 at the world origin; `pose` and `gravity` in the world.
-    pub fn potential(&self, pose: &Pose, gravity: &Vector3<f64>) -> f64 {
+    pub fn potential(&self, pose: &DensePose, gravity: &Vector3<f64>) -> f64 {
         let at = |point: &Vector3<f64>| gravity.dot(&(pose.rotation * point + pose.position));
         self.displaced * at(&self.center_of_buoyancy) - self.mass * at(&self.center_of_mass)
     }

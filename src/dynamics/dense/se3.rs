@@ -8,14 +8,14 @@ use crate::description::Frame;
 
 /// A pose `(R, r)` of one frame in another. `[HC eq. 1]`
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
+pub struct DensePose {
     /// Rotation from the frame's axes to the parent's.
     pub rotation: Matrix3<f64>,
     /// Origin in the parent frame, m.
     pub position: Vector3<f64>,
 }
 
-impl Pose {
+impl DensePose {
     /// Pose of the reference frame itself.
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), position: Vector3::zeros() }
@@ -45,7 +45,7 @@ impl Pose {
 
     /// `Ad = [[R, [r] R], [0, R]]`, which takes twists of this frame to the parent's. `[HC eq. 8]`
     pub fn adjoint(&self) -> Matrix6<f64> {
-        blocks(self.rotation, cross(&self.position) * self.rotation, Matrix3::zeros(), self.rotation)
+        blocks(self.rotation, self.position.cross_matrix() * self.rotation, Matrix3::zeros(), self.rotation)
     }
 
     /// `Ad^-1`, which takes twists of the parent to this frame's. `[HC eq. 7]`
@@ -59,7 +59,7 @@ impl Pose {
     }
 }
 
-impl Mul for Pose {
+impl Mul for DensePose {
     type Output = Self;
 
     fn mul(self, child: Self) -> Self {
@@ -67,15 +67,10 @@ impl Mul for Pose {
     }
 }
 
-/// Cross-product matrix `[a]`: `[a] b = a x b`.
-pub fn cross(a: &Vector3<f64>) -> Matrix3<f64> {
-    a.cross_matrix()
-}
-
 /// `ad_V = [[ [omega], [v] ], [0, [omega]]]`. `[MLS94]`
 pub fn ad(twist: &Vector6<f64>) -> Matrix6<f64> {
-    let omega = cross(&angular(twist));
-    blocks(omega, cross(&linear(twist)), Matrix3::zeros(), omega)
+    let omega = angular(twist).cross_matrix();
+    blocks(omega, linear(twist).cross_matrix(), Matrix3::zeros(), omega)
 }
 
 /// Linear part: the first three entries of a 6-vector.

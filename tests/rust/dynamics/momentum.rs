@@ -1,10 +1,12 @@
 //! Composite body in lanes, and predictions with it, against the closed form.
 
+use crate::cases::velocities;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use uvms_gym::control::{AppliedWrenches, ArmState, NominalModel, VehicleMotion};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::aba::Scratch;
+use uvms_gym::dynamics::dense::stack;
 use uvms_gym::dynamics::{ClosedFormModel, CompositeBody, Loads};
 use uvms_gym::lie;
 use uvms_gym::system::{State, compile, rotation_vector};
@@ -34,12 +36,8 @@ fn the_composite_body_is_the_sum_of_the_closed_form() {
 
         let model = ClosedFormModel::new(&scene).unwrap();
         let form = model.at(&state, Vector3::zeros());
-        let n = form.joints();
-        let mut velocities = DVector::zeros(6 + n);
-        velocities.rows_mut(0, 6).copy_from(&state.twist);
-        velocities.rows_mut(6, n).copy_from_slice(&state.qd[..n]);
         let mass = form.mass_matrix();
-        let momentum = (mass * &velocities).fixed_rows::<6>(0).into_owned();
+        let momentum = (mass * velocities(&state, form.joints())).fixed_rows::<6>(0).into_owned();
         assert!(gap(&whole.momentum, &momentum) < 1e-12, "{}: {}", scene.name, gap(&whole.momentum, &momentum));
         for i in 0..6 {
             for k in 0..6 {
@@ -58,9 +56,7 @@ fn the_composite_body_is_the_sum_of_the_closed_form() {
 /// A level scene's vehicle somewhere, and its arm.
 fn somewhere(seed: u64, scene: &Scene) -> (State, VehicleMotion<f64>, ArmState<f64>) {
     let state = random_state(seed, scene);
-    let error = Vector6::from_iterator(
-        (state.rotation.tr_mul(&state.position)).iter().chain(rotation_vector(&state.rotation).iter()).copied(),
-    );
+    let error = stack(&state.rotation.tr_mul(&state.position), &rotation_vector(&state.rotation));
     let motion = VehicleMotion {
         error: lie::Vector6::from_array(error.into()),
         twist: lie::Vector6::from_array(state.twist.into()),
@@ -134,5 +130,5 @@ fn predictions_are_of_second_order() {
     };
     let (long, short) = (error(0.08), error(0.04));
     assert!(long < 0.01, "{long}");
-    assert!(long / short > 6.5, "a step of half the length errs by {} of the whole", short / long);
+    assert!(long / short > 6.5, "the error of half the step is {} of the error of the step", short / long);
 }

@@ -50,7 +50,7 @@ fn lagged_added_mass_is_unstable_at_any_step_beyond_its_ratio() {
     assert!((pushed(3.0, 1e-5) - 1.0).abs() < 1e-3);
 }
 
-/// All bodies of an arm with modest added mass: the motion is that of the true system but for an error of order 1.
+/// All bodies of an arm with modest added mass: the motion differs from the true one by an error of order 1.
 #[test]
 fn lagged_added_mass_comes_near_where_it_is_stable() {
     let mut scene = Scene::shipped("petasus-pum").unwrap();

@@ -8,7 +8,7 @@ pub struct Sway {
     joints: usize,
 }
 
-/// rad/s: that of the motion, and the maximum of a joint.
+/// Frequency of the motion and maximum rate of a joint, rad/s.
 const FREQUENCY: f64 = 0.8;
 const RATE: f64 = 0.3;
 

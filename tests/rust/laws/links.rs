@@ -1,4 +1,4 @@
-//! One wet link on a vehicle that is held, whose motion is known in closed form.
+//! One wet link on a fixed vehicle, whose motion is known in closed form.
 
 use std::f64::consts::TAU;
 

@@ -1,14 +1,14 @@
 //! Prescribed joints over whole motions.
 
-use nalgebra::{DVector, Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Precision, Simulator};
+use nalgebra::{DVector, Vector6};
+use uvms_gym::batch::{Inputs, Precision};
 use uvms_gym::description::{JointServo, Scene};
 use uvms_gym::dynamics::Loads;
 use uvms_gym::integrate::Integrator;
 use uvms_gym::system::{Factors, State};
 
 use super::joints::Sway;
-use crate::cases::{self, batch, distance, lossless, orders, simulator_at, slope};
+use crate::cases::{self, batch, distance, orders, simulator_at, slope};
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
 /// Joints of the arm of petasus-pum that are prescribed; the others have their servos.
@@ -67,7 +67,7 @@ fn integrators_keep_their_order_with_prescribed_joints() {
     }
 }
 
-/// The stiffer the servos, the nearer the motion is to that of prescribed joints: the difference falls with 1 / kp.
+/// The stiffer the servos, the nearer the motion is to the motion of prescribed joints: the difference falls with 1 / kp.
 #[test]
 fn servos_of_growing_stiffness_approach_prescribed_joints() {
     let joints = [0, 1, 2, 3, 4];
@@ -83,29 +83,6 @@ fn servos_of_growing_stiffness_approach_prescribed_joints() {
     });
     println!("difference by stiffness: {differences:?}");
     assert!(differences[2] < 1e-3 && differences[2] < differences[0] / 30.0, "{differences:?}");
-}
-
-/// Drives are internal: without water and gravity, whatever the joints do, the momentum stays.
-#[test]
-fn drives_of_prescribed_joints_leave_the_momentum() {
-    let mut scene = lossless(&arm(&PRESCRIBED));
-    scene.water.gravity = Vector3::zeros();
-    scene.water.density = 0.0;
-    let (sway, state) = motion(&scene);
-    let mut simulator = simulator_at(&scene, "mk4", 1.0 / 256.0, &state);
-    let momentum = |simulator: &Simulator| simulator.closed_form(0, |form| form.momentum().total());
-    let twist = simulator.state(0).twist;
-    // A cubic meets its neighbours with their rates, so no joint is struck between calls.
-    let mut momenta = vec![momentum(&simulator)];
-    for second in 0..3 {
-        let target = sway.target(f64::from(second));
-        simulator.step(&Inputs { joint_target: Some(&target), ..Inputs::default() }, 256).unwrap();
-        momenta.push(momentum(&simulator));
-    }
-    let drift = momenta.iter().map(|p| (p - momenta[0]).norm() / momenta[0].norm()).fold(0.0, f64::max);
-    println!("momentum drifts by {drift:e}");
-    assert!(drift < 1e-8, "{drift:e}");
-    assert!((simulator.state(0).twist - twist).norm() > 0.01, "the vehicle reacts");
 }
 
 /// Both forms on random systems with random prescribed joints, and the torques of the drives by inverse dynamics.
@@ -188,7 +165,7 @@ fn prescribed_joints_give_the_same_bits_in_all_lanes() {
     }
 }
 
-/// The torques of the drives are those of inverse dynamics, and vanish from the balance of a joint that turns freely.
+/// The torques of the drives come from inverse dynamics, and vanish for a joint that moves as it would freely.
 #[test]
 fn a_drive_that_moves_a_joint_as_it_would_move_freely_has_no_torque() {
     let free = arm(&[]);

@@ -98,7 +98,7 @@ fn motion_of_the_shipped_scenes_is_slow_for_their_step() {
     }
 }
 
-/// Nothing moves but the last digits: held against gravity, in a current, in both precisions.
+/// Only the last digits change at rest under gravity, in a current, in both precisions.
 #[test]
 fn noise_of_rounding_is_no_motion() {
     for name in Scene::shipped_names() {

@@ -3,22 +3,22 @@
 use std::f64::consts::PI;
 
 use nalgebra as na;
-use uvms_gym::lie::{self, Matrix3, exp_se3};
+use uvms_gym::lie::{self, exp_se3};
 use uvms_gym::system::{quaternion, rotation, rotation_vector};
 
-use super::{angles, dense, lanes};
+use super::{angles, dense, lanes, rows};
 use crate::random_scene::Random;
 
 fn turned(w: &na::Vector3<f64>) -> na::Matrix3<f64> {
     dense(&exp_se3(lanes(&na::Vector6::new(0.0, 0.0, 0.0, w.x, w.y, w.z))).rotation)
 }
 
-/// The logarithms: the scalar one, and that of the lanes.
+/// The logarithms: of scalars and of lanes.
 type Logarithm = fn(&na::Matrix3<f64>) -> na::Vector3<f64>;
 const LOGARITHMS: [Logarithm; 2] = [rotation_vector, logarithm];
 
 fn logarithm(r: &na::Matrix3<f64>) -> na::Vector3<f64> {
-    let r = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
+    let r = rows(r);
     let vector = lie::rotation_vector(&r);
     let length = na::Vector3::from(vector.0).norm();
     assert!((lie::rotation_angle(&r) - length).abs() <= 1e-15 * length);
@@ -28,16 +28,9 @@ fn logarithm(r: &na::Matrix3<f64>) -> na::Vector3<f64> {
 /// Directions in general position and along axes, planes and diagonals, where the largest component changes.
 fn directions() -> Vec<na::Vector3<f64>> {
     let mut random = Random::new(1);
-    let mut all: Vec<_> = (0..20).map(|_| random.direction()).collect();
-    for x in [-1.0, 0.0, 1.0] {
-        for y in [-1.0, 0.0, 1.0] {
-            for z in [-1.0, 0.0, 1.0] {
-                all.push(na::Vector3::new(x, y, z));
-            }
-        }
-    }
-    all.retain(|v| v.norm() > 0.0);
-    all.iter().map(|v| v.normalize()).collect()
+    let grid = (0..27).filter(|k| *k != 13).map(|k| na::Vector3::new(k % 3, k / 3 % 3, k / 9));
+    let corners = grid.map(|v| v.map(|x| f64::from(x) - 1.0).normalize());
+    (0..20).map(|_| random.direction()).chain(corners).collect()
 }
 
 #[test]

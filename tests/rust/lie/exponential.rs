@@ -6,7 +6,7 @@ use nalgebra as na;
 use serde::Deserialize;
 use uvms_gym::lie::{DexpInverse, Vector3, dexp_inverse_negative, exp_se3, rotate_back};
 
-use super::{ad_matrix, adjoint, angles, dense, hat, lanes, of_angle, over_factorial, series, six};
+use super::{angles, dense, hat, lanes, of_angle, over_factorial, series, six};
 use crate::random_scene::Random;
 
 /// exp at 60 digits, `tests/golden/exponential.py`.
@@ -58,17 +58,6 @@ fn exponential_is_the_matrix_exponential() {
         let rotation = dense(&pose.rotation) - expected.fixed_view::<3, 3>(0, 0);
         let position = na::Vector3::from(pose.position.0) - expected.fixed_view::<3, 1>(0, 3);
         assert!(rotation.amax() < 1e-14 && position.amax() < 1e-14, "{angle}: {rotation} {position}");
-    }
-}
-
-#[test]
-fn adjoint_of_the_exponential_is_the_exponential_of_ad() {
-    let mut random = Random::new(2);
-    for angle in angles(1e-12, 1.05 * PI, 200) {
-        let xi = of_angle(&mut random, angle);
-        let left = adjoint(&exp_se3(lanes(&xi)));
-        let right = series(&ad_matrix(&xi), over_factorial);
-        assert!((left - right).amax() < 2e-14, "{angle}: {}", (left - right).amax());
     }
 }
 

@@ -7,6 +7,7 @@ mod inverse;
 
 use crate::random_scene::Random;
 use nalgebra as na;
+use uvms_gym::dynamics::dense::{DensePose, ad as ad_matrix};
 use uvms_gym::lie::{Matrix3, Pose, Vector3, Vector6};
 
 /// `sum coefficient(k) m^k`, with as many terms as ever count.
@@ -33,24 +34,9 @@ fn hat(xi: &na::Vector6<f64>) -> na::Matrix4<f64> {
     m
 }
 
-/// `ad_xi`, 6x6.
-fn ad_matrix(xi: &na::Vector6<f64>) -> na::Matrix6<f64> {
-    let (v, w) = (xi.fixed_rows::<3>(0).into_owned().cross_matrix(), xi.fixed_rows::<3>(3).into_owned().cross_matrix());
-    let mut m = na::Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&w);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&w);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&v);
-    m
-}
-
-/// `Ad_T = [[R, [r] R], [0, R]]`
-fn adjoint(pose: &Pose<f64>) -> na::Matrix6<f64> {
-    let (r, p) = (dense(&pose.rotation), na::Vector3::from(pose.position.0));
-    let mut m = na::Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&r);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&r);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&(p.cross_matrix() * r));
-    m
+/// `Ad_T`, 6x6.
+pub fn adjoint(pose: &Pose<f64>) -> na::Matrix6<f64> {
+    DensePose { rotation: dense(&pose.rotation), position: pose.position.0.into() }.adjoint()
 }
 
 /// `dexp_(-theta) = sum (-ad)^k / (k+1)!`: d(theta)/dt to the body twist of exp [theta].
@@ -60,6 +46,11 @@ fn dexp_negative(theta: &na::Vector6<f64>) -> na::Matrix6<f64> {
 
 fn dense(m: &Matrix3<f64>) -> na::Matrix3<f64> {
     na::Matrix3::from_fn(|i, k| m.0[i][k])
+}
+
+/// A matrix by rows.
+pub fn rows(m: &na::Matrix3<f64>) -> Matrix3<f64> {
+    Matrix3((*m).transpose().into())
 }
 
 pub fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
@@ -78,7 +69,7 @@ fn of_angle(random: &mut Random, angle: f64) -> na::Vector6<f64> {
 
 fn random_pose(random: &mut Random) -> Pose<f64> {
     let (r, p) = (random.rotation(), random.vector(2.0));
-    Pose { rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))), position: Vector3(p.into()) }
+    Pose { rotation: rows(&r), position: Vector3(p.into()) }
 }
 
 /// Angles from `minimum` to `maximum` in equal ratios.

@@ -3,9 +3,9 @@
 use nalgebra::{DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
 use uvms_gym::dynamics::dense::DenseBody;
+use uvms_gym::dynamics::dense::DensePose;
 use uvms_gym::dynamics::dense::joint_pose;
-use uvms_gym::dynamics::dense::{Pose, cross};
-use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, Composite, Loads};
+use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, Composite, Equations, Loads};
 use uvms_gym::system::State;
 
 use super::motion::advance;
@@ -33,13 +33,13 @@ fn two_bodies_fixed_together_are_one_body_of_their_summed_inertia() {
     let arm = scene.arm.as_ref().unwrap();
     let in_com = |body: &Body| Body { inertia: body.inertia_about_com(), inertia_at: InertiaPoint::Com, ..dry(body) };
     let (a, b) = (in_com(&arm.links[0].body), in_com(&arm.links[1].body));
-    let mount = Pose::from_frame(&arm.mount.frame);
+    let mount = DensePose::from_frame(&arm.mount.frame);
 
     let b_center = mount.rotation * b.center_of_mass + mount.position;
     let mass = a.mass + b.mass;
     let center = (a.center_of_mass * a.mass + b_center * b.mass) / mass;
     let about = |inertia: Matrix3<f64>, mass: f64, from: Vector3<f64>| {
-        let r = cross(&(from - center));
+        let r = (from - center).cross_matrix();
         inertia - r * r * mass
     };
     let whole = Body {
@@ -66,9 +66,9 @@ fn composing_is_associative() {
         let arm = scene.arm.as_ref().unwrap();
         let links = &arm.links;
         let payload = scene.payload.as_ref().unwrap();
-        let mount = Pose::from_frame(&arm.mount.frame);
-        let grip = Pose::from_frame(&arm.end_effector) * Pose::from_frame(&payload.frame);
-        let here = Pose::identity();
+        let mount = DensePose::from_frame(&arm.mount.frame);
+        let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
+        let here = DensePose::identity();
         let onto = |parent: Composite, at, child| match &arm.mount.joint {
             None => parent.fixed_loading(at, mount, child),
             Some(joint) => parent.joint_loading(at, mount, joint.clone(), child),
@@ -97,30 +97,20 @@ fn composing_is_associative() {
         let state = random_state(1, &scene);
         let n = scene.joints().count();
         let model = ClosedFormModel::new(&scene).unwrap();
-        let evaluate = |system: &Composite| {
-            assert_eq!((system.bodies(), system.joints()), (6, n));
-            let equations = system.at(&state.twist, &state.q[..n], &state.qd[..n], &current());
-            let carriers: Vec<_> = equations.bodies.iter().map(|body| body.carrier).collect();
-            let drift: Vec<f64> =
-                equations.bodies.iter().flat_map(|body| body.drift.iter().copied().collect::<Vec<_>>()).collect();
-            (
-                equations.mass_matrix,
-                equations.bias,
-                equations.wrench_influence,
-                equations.torque_influence,
-                carriers,
-                DVector::from_vec(drift),
-            )
+        let drifts = |equations: &Equations| {
+            DVector::from_iterator(36, equations.bodies.iter().flat_map(|body| body.drift.as_slice().to_vec()))
         };
-        let reference = evaluate(&model.system);
+        let at = |system| Composite::at(system, &state.twist, &state.q[..n], &state.qd[..n], &current());
+        let reference = at(&model.system);
         for system in [&inwards, &outwards, &halves] {
-            let got = evaluate(system);
-            assert!(relative(&got.0, &reference.0) < 1e-13);
-            assert!(relative(&got.1, &reference.1) < 1e-12);
-            assert!(relative(&got.2, &reference.2) < 1e-13);
-            assert_eq!(got.3, reference.3);
-            assert_eq!(got.4, reference.4);
-            assert!(relative(&got.5, &reference.5) < 1e-12);
+            assert_eq!((system.bodies(), system.joints()), (6, n));
+            let got = at(system);
+            assert!(relative(&got.mass_matrix, &reference.mass_matrix) < 1e-13);
+            assert!(relative(&got.bias, &reference.bias) < 1e-12);
+            assert!(relative(&got.wrench_influence, &reference.wrench_influence) < 1e-13);
+            assert_eq!(got.torque_influence, reference.torque_influence);
+            assert!(got.bodies.iter().zip(&reference.bodies).all(|(a, b)| a.carrier == b.carrier));
+            assert!(relative(&drifts(&got), &drifts(&reference)) < 1e-12);
         }
     }
 }
@@ -166,9 +156,9 @@ fn bodies_fixed_in_sequence_belong_to_the_vehicle() {
     // Screwed on one after the other, from the vehicle outwards: everything is where it was.
     let (arm, payload) = (scene.arm.as_ref().unwrap(), scene.payload.as_ref().unwrap());
     let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
-    let grip = Pose::from_frame(&arm.end_effector) * Pose::from_frame(&payload.frame);
+    let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
     let outwards = rigid(&scene.vehicle.body)
-        .fixed_loading(0, Pose::from_frame(&arm.mount.frame), rigid(arm.base.as_ref().unwrap()))
+        .fixed_loading(0, DensePose::from_frame(&arm.mount.frame), rigid(arm.base.as_ref().unwrap()))
         .fixed_loading(1, grip, rigid(&payload.body));
     for motion in &outwards.at(&Vector6::zeros(), &[], &[], &Vector3::zeros()).bodies {
         assert_eq!(motion.carrier, 0);
@@ -181,7 +171,7 @@ fn end_effector_sits_on_the_last_body() {
     for joint_loading in [false, true] {
         let mut scene = scene(joint_loading);
         let state = random_state(8, &scene);
-        let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
+        let end_effector = DensePose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
         let end = |scene: &Scene| {
             let model = ClosedFormModel::new(scene).unwrap();
             let form = model.at(&state, Vector3::zeros());
@@ -192,8 +182,8 @@ fn end_effector_sits_on_the_last_body() {
         // Of the arm's base without links, of the vehicle without an arm.
         let arm = scene.arm.as_mut().unwrap();
         arm.links.clear();
-        let mount = Pose::from_frame(&arm.mount.frame);
-        let motion = arm.mount.joint.as_ref().map_or(Pose::identity(), |joint| joint_pose(joint, state.q[0]));
+        let mount = DensePose::from_frame(&arm.mount.frame);
+        let motion = arm.mount.joint.as_ref().map_or(DensePose::identity(), |joint| joint_pose(joint, state.q[0]));
         let (poses, pose) = end(&scene);
         let base = poses[0] * (mount * motion);
         assert!((pose.position - (base * end_effector).position).norm() < 1e-14);
@@ -240,7 +230,7 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
         let form = |state| model.at(state, Vector3::zeros());
         let (now, before, after) = (form(&at), form(&before), form(&after));
 
-        let twist_of = |now: &Pose, before: &Pose, after: &Pose| {
+        let twist_of = |now: &DensePose, before: &DensePose, after: &DensePose| {
             let omega = now.rotation.transpose() * (after.rotation - before.rotation) / (2.0 * h);
             let v = now.rotation.transpose() * (after.position - before.position) / (2.0 * h);
             Vector6::new(v.x, v.y, v.z, omega.m32, omega.m13, omega.m21)

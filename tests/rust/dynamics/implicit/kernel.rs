@@ -5,7 +5,7 @@ use uvms_gym::description::{Body, Joint, Scene};
 use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use uvms_gym::dynamics::aba_implicit::{Ahead, implicit_accelerations};
-use uvms_gym::dynamics::dense::Pose;
+use uvms_gym::dynamics::dense::DensePose;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie;
 use uvms_gym::system::{JOINTS, State, System, compile};
@@ -155,7 +155,7 @@ impl Case {
 
 /// Secants of damping, with bounds of lift and of full quadratic coefficients, in body frame.
 fn drag_slope(body: &Body, twist: &Vector6<f64>) -> Matrix6<f64> {
-    let to = Pose::from_frame(&body.hydrodynamic_frame).adjoint_inverse();
+    let to = DensePose::from_frame(&body.hydrodynamic_frame).adjoint_inverse();
     let there = to * twist;
     let d = body.damping.linear;
     let (s, n) = ((d + d.transpose()) / 2.0, (d - d.transpose()) / 2.0);

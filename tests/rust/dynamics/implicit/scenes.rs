@@ -7,8 +7,8 @@ use uvms_gym::system::State;
 use crate::cases::{batch, distance};
 use crate::random_scene::Random;
 
-/// Driven motion: station keeping, joints servoed to a target that moves, random bounded thrust held for 1 s each; states at the end of each
-/// of 100 s.
+/// Driven motion: station keeping, joints servoed to a target that moves, random bounded thrust, constant for 1 s each; states at
+/// the end of each of 100 s.
 fn driven(scene: &Scene, integrator: &str, dt: f64, precision: Precision) -> Vec<State> {
     let mut simulator = batch(scene, integrator, dt, precision, 1);
     simulator.set_state(0, &State { q: scene.home(), ..State::default() });
@@ -78,7 +78,7 @@ fn every_shipped_scene_is_stable_at_a_tenth_of_a_second() {
 
 /// At 0.01 s, over driven motions with an arm.
 #[test]
-fn the_third_order_errs_far_less() {
+fn errors_of_the_third_order_are_far_smaller() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5", "rexrov"] {
         let scene = Scene::shipped(name).unwrap();
         let truth = driven(&scene, "mk4", 0.0025, Precision::Double);

@@ -81,7 +81,7 @@ fn shipped_vehicles_slow_down_from_50_m_per_s_without_turning_back() {
 #[test]
 fn a_stiff_pendulum_stays_within_its_swing() {
     for ratio in [1.0, 10.0, 100.0] {
-        // Neutral, centre of mass below that of buoyancy; omega^2 = m g d / (I - ...) for small swings.
+        // Neutral, centre of mass below the centre of buoyancy; omega^2 = m g d / (I - ...) for small swings.
         let mut scene = body();
         let omega: f64 = ratio / STEP;
         scene.vehicle.body.volume = Some(0.01);
@@ -119,7 +119,7 @@ fn lift_beyond_drag_is_no_engine() {
 }
 
 /// Final distance of joints and vehicle from their targets.
-fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
+fn off_target(scene: &Scene, integrator: &str, steps: usize) -> f64 {
     let start = State { q: scene.home(), ..State::default() };
     let n = scene.joints().count();
     let target: Vec<f64> = (0..n).map(|k| start.q[k] + if k % 2 == 0 { 0.3 } else { -0.2 }).collect();
@@ -135,7 +135,7 @@ fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
 fn gains_a_hundred_times_too_high_still_reach_the_target() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let scene = with_gains(name, 100.0);
-        let (implicit, explicit) = (held(&scene, "ros2", 1200), held(&scene, "mk4", 1200));
+        let (implicit, explicit) = (off_target(&scene, "ros2", 1200), off_target(&scene, "mk4", 1200));
         println!("{name}: off target by {implicit:.2e} with ros2, {explicit:.2e} with mk4");
         assert!(implicit < 0.02, "{name}: {implicit}");
         assert!(explicit.is_nan() || explicit > 1.0, "{name}: mk4 was to diverge, {explicit}");
