@@ -73,11 +73,12 @@ AROUND_STEPS = {
 OF_DUALS = {r"^mem(cpy|move)$": "copies 6-vectors", r"^r[a-z0-9]+$": "the same through a register"}
 LANES_OF_DUALS = {"avx2", "neon"}
 # The adjoint of steps, and the steps that it records.
-ADJOINT = r"stepping7adjoint7Reverse|stepping7reverse\d+(Explicit|Implicit)Reverse|8recorder10StepRecord"
+ADJOINT = r"stepping7adjoint7Reverse|stepping7reverse18ReverseSubInterval|8recorder10StepRecord"
 # What it may call besides what kernels elsewhere may.
 OF_ADJOINT = {
     r"4lane4tape.*4grow|7raw_vec.*8grow_one": "records that grow",
-    r"11ScratchPool.*(take|put)|7adjoint(11make_memory|9instances)|drop_in_place.*3Vec": "memory of the reverse",
+    r"11ScratchPool.*(take|put)|7adjoint11make_memory|drop_in_place.*3Vec": "memory of the reverse",
+    r"10parameters.*4Step.*6system": "memory for systems with parameters per instance",
     r"10StepRecord.*4trim": "the same, after the last instance",
     r"7adjoint.*8Portions4next|7reverse11interrupted": "room for the records of many steps, and whether to go on",
     r"17NeverShortCircuit": "parts that several reverses share",
@@ -243,7 +244,7 @@ def test_routines_are_inlined_too() -> None:
 
 def test_calls_are_seen() -> None:
     """Calls of all kinds, in the functions that choose the lanes."""
-    choice = re.compile("8dispatch6(single|double).*4Real(8dispatch|15dispatch_narrow)")
+    choice = re.compile("8dispatch6(single|double).*4Real(8dispatch|14dispatch_fused|15dispatch_narrow)")
     choosing = [function for function in module().functions if choice.search(function.name)]
     called = {call for function in choosing for call in module().calls(function)}
     for isa in module().architecture.lanes:

@@ -139,7 +139,7 @@ impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool> Routin
 }
 
 /// One step of a linearly implicit method.
-struct LinearlyImplicitStep<'a, 'b, L: Lane, P, R> {
+struct ImplicitStep<'a, 'b, L: Lane, P, R> {
     method: &'a Implicit,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
@@ -149,7 +149,7 @@ struct LinearlyImplicitStep<'a, 'b, L: Lane, P, R> {
     recorder: &'a mut R,
 }
 
-impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>> Routine<L> for LinearlyImplicitStep<'_, '_, L, P, R> {
+impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>> Routine<L> for ImplicitStep<'_, '_, L, P, R> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { method, h, motion, estimates, equations, stages, recorder } = self;
@@ -354,15 +354,7 @@ impl<'a, T: Real> Step<'a, T> {
                 Integrator::LinearlyImplicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.implicit_stages;
-                    L::call(&mut LinearlyImplicitStep {
-                        method,
-                        h: self.h,
-                        motion,
-                        estimates,
-                        equations,
-                        stages,
-                        recorder,
-                    });
+                    L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages, recorder });
                 }
             }
             recorder.end(&thrust, thrusters.len());
