@@ -11,7 +11,7 @@ use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{METRICS, Metrics, OWN_METRICS};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
-use super::options::Options;
+use super::options::TaskOptions;
 use super::pose::{Pose, PoseError, StageState};
 use super::random::Stream;
 use super::reward::{COARSE, RewardKernel};
@@ -77,9 +77,9 @@ pub trait TaskDefinition:
     /// The task's numbers in the precision of the lanes.
     type Kernel<T: Real>: Clone + Debug + PartialEq + Send + Sync;
 
-    /// Default options; where they differ from the shared ones, the task overrides this.
-    fn defaults() -> Options<Self> {
-        Options::default()
+    /// Default options that all tasks have; where they differ from the usual ones, the task overrides this.
+    fn defaults() -> TaskOptions {
+        TaskOptions::default()
     }
 
     /// Refuses the task's own options out of their ranges; `start_distance` is the shared one, m.
@@ -89,16 +89,16 @@ pub trait TaskDefinition:
     fn check(&self, start_distance: f64) -> Result<(), TaskError>;
 
     /// Appends the task's observation blocks, between the joint rates and the previous action.
-    fn layout(options: &Options<Self>, model: &TaskModel, layout: &mut Layout);
+    fn layout(&self, options: &TaskOptions, model: &TaskModel, layout: &mut Layout);
 
     /// Allocates the task's rows of an episode's memory.
-    fn rows(options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
+    fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
 
     /// The task's numbers in the precision of the lanes.
-    fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> Self::Kernel<T>;
+    fn kernel<T: Real>(&self, options: &TaskOptions, model: &TaskModel, rows: &EpisodeRows) -> Self::Kernel<T>;
 
     /// Draws the vehicle's pose at the start of an episode with that target: by default within a ball about it.
-    fn start_pose(options: &Options<Self>, _model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
+    fn start_pose(&self, options: &TaskOptions, _model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
         Pose {
             position: target.position + draw.unit_vector(0) * (options.start_distance * draw.uniform(1)),
             rotation: target.rotation
@@ -107,7 +107,7 @@ pub trait TaskDefinition:
     }
 
     /// Draws the references of an episode into its memory, whose target is set.
-    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>);
+    fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>);
 
     /// Sets the target and the references of the first control instant, at the start of an episode.
     fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>);
@@ -222,11 +222,11 @@ pub(super) const LEAK: f64 = 0.1;
 
 impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// Numbers of the task in this precision.
-    pub(super) fn new(options: &Options<K>, model: &TaskModel) -> Self {
+    pub(super) fn new(task: &K, options: &TaskOptions, model: &TaskModel) -> Self {
         const { assert!(K::METRICS.len() <= OWN_METRICS) };
         let (period, number) = (options.control_period(), T::from_f64);
         let (keep, actions) = ((-LEAK * period).exp(), model.actions.len());
-        let rows = EpisodeRows::new(model, |rows| K::rows(options, model, rows));
+        let rows = EpisodeRows::new(model, |rows| task.rows(model, rows));
         Self {
             disturbance: rows.disturbance.map(|rows| DisturbanceKernel::new(rows, &model.context)),
             actuation: Actuation::new(&model.actions),
@@ -241,7 +241,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             period: number(period),
             residual: (options.action == ActionKind::Residual).then(|| number(options.residual_scale)),
             up: model.up().map(number),
-            task: K::kernel(options, model, &rows),
+            task: task.kernel(options, model, &rows),
             rows,
         }
     }
@@ -284,9 +284,9 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
 }
 
 /// Drawn start of an episode, for [`TaskDefinition::sample`].
-pub struct EpisodeStart<'a, K> {
+pub struct EpisodeStart<'a> {
     /// Options of the task.
-    pub options: &'a Options<K>,
+    pub options: &'a TaskOptions,
     /// The scene as the task reads it.
     pub model: &'a TaskModel,
     /// Target.
@@ -299,7 +299,7 @@ pub struct EpisodeStart<'a, K> {
     pub draw: Stream,
 }
 
-impl<K> EpisodeStart<'_, K> {
+impl EpisodeStart<'_> {
     /// Vertical, against gravity.
     pub(super) fn up(&self) -> &Vector3<f64> {
         &self.model.level[2]

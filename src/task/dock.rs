@@ -13,11 +13,12 @@ use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{Metrics, OWN_METRICS};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
-use super::options::{Options, Tolerance, check_non_negative, check_range};
+use super::options::{TaskOptions, Tolerance, check_non_negative, check_range};
 use super::pose::Pose;
 use super::random::Stream;
 use super::reference::JointReferenceRows;
 use super::reward::RewardWeights;
+use super::settings::settings;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{self, Matrix3, Vector3, Vector6, exp_se3};
@@ -34,55 +35,35 @@ pub enum DockArm {
     Moving,
 }
 
-/// Docking.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Dock {
-    /// Minimum initial distance from the dock, m; `start_distance` is the maximum.
-    pub start_clearance: f64,
-    /// Half angle of the cone in front of the dock that starts are drawn from, rad.
-    pub approach_cone: f64,
-    /// Motion of the arm.
-    pub arm: DockArm,
-    /// Maximum amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
-    pub arm_amplitude: f64,
-    /// Horizontal motion of the dock relative to the water's motion at its place.
-    pub dock_sway: f64,
-    /// Vertical motion of the dock relative to the water's motion at its place.
-    pub dock_heave: f64,
-    /// Tilt of the dock relative to the wave slope at its place.
-    pub dock_tilt: f64,
-    /// Speed relative to the dock below which the vehicle counts as holding, m/s.
-    pub hold_speed: f64,
-    /// Duration within the tolerances at low relative speed until the vehicle counts as docked, s.
-    pub hold_time: f64,
-    /// Distance from the dock at whose first crossing the approach speed is taken, m.
-    pub capture_distance: f64,
-    /// Reward per control period while docked.
-    pub docked_reward: f64,
-    /// Weight of the relative speed near the dock in the reward.
-    pub speed_weight: f64,
-    /// The first docking ends the episode.
-    pub terminate_on_success: bool,
-}
-
-impl Default for Dock {
-    fn default() -> Self {
-        Self {
-            start_clearance: 2.0,
-            approach_cone: 0.4,
-            arm: DockArm::Stowed,
-            arm_amplitude: 0.4,
-            dock_sway: 0.5,
-            dock_heave: 0.5,
-            dock_tilt: 0.5,
-            hold_speed: 0.1,
-            hold_time: 2.0,
-            capture_distance: 0.5,
-            docked_reward: 0.5,
-            speed_weight: 0.1,
-            terminate_on_success: false,
-        }
+settings! {
+    /// Docking.
+    pub struct Dock {
+        /// Minimum initial distance from the dock, m; `start_distance` is the maximum.
+        start_clearance: f64 = 2.0;
+        /// Half angle of the cone in front of the dock that starts are drawn from, rad.
+        approach_cone: f64 = 0.4;
+        /// Motion of the arm.
+        arm: DockArm = DockArm::Stowed;
+        /// Maximum amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
+        arm_amplitude: f64 = 0.4;
+        /// Horizontal motion of the dock relative to the water's motion at its place.
+        dock_sway: f64 = 0.5;
+        /// Vertical motion of the dock relative to the water's motion at its place.
+        dock_heave: f64 = 0.5;
+        /// Tilt of the dock relative to the wave slope at its place.
+        dock_tilt: f64 = 0.5;
+        /// Speed relative to the dock below which the vehicle counts as holding, m/s.
+        hold_speed: f64 = 0.1;
+        /// Duration within the tolerances at low relative speed until the vehicle counts as docked, s.
+        hold_time: f64 = 2.0;
+        /// Distance from the dock at whose first crossing the approach speed is taken, m.
+        capture_distance: f64 = 0.5;
+        /// Reward per control period while docked.
+        docked_reward: f64 = 0.5;
+        /// Weight of the relative speed near the dock in the reward.
+        speed_weight: f64 = 0.1;
+        /// The first docking ends the episode.
+        terminate_on_success: bool = false;
     }
 }
 
@@ -145,9 +126,9 @@ impl TaskDefinition for Dock {
     type Kernel<T: Real> = DockKernel<T>;
 
     /// Divergence costs as much as 370 steps at 5 m from the dock, so ending the episode early never pays.
-    fn defaults() -> Options<Self> {
-        let options = Options::default();
-        Options {
+    fn defaults() -> TaskOptions {
+        let options = TaskOptions::default();
+        TaskOptions {
             start_distance: 5.0,
             start_angle: 0.3,
             reward: RewardWeights { diverged: 500.0, ..options.reward },
@@ -180,38 +161,37 @@ impl TaskDefinition for Dock {
         ])
     }
 
-    fn layout(_options: &Options<Self>, model: &TaskModel, layout: &mut Layout) {
+    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut Layout) {
         arm_reference::push_blocks(model, layout);
     }
 
-    fn rows(_options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+    fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let own = rows.take(ROWS);
         let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
         TaskRows { joints: Some(joints), own, updated: [own + HOLD, ROWS - HOLD], ..TaskRows::default() }
     }
 
-    fn kernel<T: Real>(options: &Options<Self>, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
-        let (dock, number) = (&options.task, T::from_f64);
+    fn kernel<T: Real>(&self, options: &TaskOptions, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
+        let number = T::from_f64;
         DockKernel {
             joints: rows.task.joints.expect("rows of the joint references"),
             own: rows.task.own,
-            sway: number(dock.dock_sway),
-            heave: number(dock.dock_heave),
-            tilt: number(dock.dock_tilt),
-            hold_speed: number(dock.hold_speed),
-            hold_time: number(dock.hold_time - 0.5 * options.control_period()),
-            capture_distance: number(dock.capture_distance),
-            docked_reward: number(dock.docked_reward),
-            speed_weight: number(dock.speed_weight),
-            terminate_on_success: dock.terminate_on_success,
+            sway: number(self.dock_sway),
+            heave: number(self.dock_heave),
+            tilt: number(self.dock_tilt),
+            hold_speed: number(self.hold_speed),
+            hold_time: number(self.hold_time - 0.5 * options.control_period()),
+            capture_distance: number(self.capture_distance),
+            docked_reward: number(self.docked_reward),
+            speed_weight: number(self.speed_weight),
+            terminate_on_success: self.terminate_on_success,
         }
     }
 
     /// Uniform distance within a cone in front of the dock (its -x side), facing the dock up to a heading error.
-    fn start_pose(options: &Options<Self>, model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
-        let Dock { start_clearance, approach_cone, .. } = options.task;
-        let distance = draw.uniform_in(0, start_clearance, options.start_distance);
-        let (angle, around) = (approach_cone * draw.uniform(1).sqrt(), TAU * draw.uniform(2));
+    fn start_pose(&self, options: &TaskOptions, model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
+        let distance = draw.uniform_in(0, self.start_clearance, options.start_distance);
+        let (angle, around) = (self.approach_cone * draw.uniform(1).sqrt(), TAU * draw.uniform(2));
         let (across, up) = (angle.sin() * around.cos(), angle.sin() * around.sin());
         let heading = draw.uniform_in(3, -options.start_angle, options.start_angle);
         Pose {
@@ -220,9 +200,8 @@ impl TaskDefinition for Dock {
         }
     }
 
-    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>) {
-        let Dock { arm, arm_amplitude, .. } = start.options.task;
-        let amplitude = if arm == DockArm::Moving { arm_amplitude } else { 0.0 };
+    fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
+        let amplitude = if self.arm == DockArm::Moving { self.arm_amplitude } else { 0.0 };
         let (joints, q, period) = (&start.model.joints, &start.state.q, start.options.control_period());
         let range = [amplitude * start.arm[0], start.arm[1]];
         kernel.task.joints.draw(memory, joints, q, range, period, &start.draw);

@@ -2,63 +2,44 @@
 
 use std::f64::consts::PI;
 
-use serde::{Deserialize, Serialize};
-
 use super::bounds::{POSITION_BOUND, shorter};
 use super::definition::{BaseController, ControlInstant, EpisodeStart, Frame, TaskDefinition, TaskKernel};
 use super::disturbance::MEASURED;
 use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows, pose, set_pose};
 use super::model::TaskModel;
 use super::observation::{ERROR_SCALE, Layout, ObservationWriter, PREVIEW, TWIST, joint_bounds, six};
-use super::options::{Options, check_range};
+use super::options::{TaskOptions, check_range};
 use super::path::{PATH, PathKind, PathRange, draw_path, path_advance, path_point};
 use super::pose::PoseError;
 use super::reward::RewardWeights;
+use super::settings::settings;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::Vector3;
 
-/// End-effector tracking.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EETrack {
-    /// Kind of path.
-    pub reference: PathKind,
-    /// Amplitude or radius, m; 50 to 100 % of it are drawn.
-    pub reference_size: f64,
-    /// Maximum speed, m/s; 50 to 100 % of it are drawn.
-    pub reference_speed: f64,
-    /// Maximum amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
-    pub reference_rotation: f64,
-    /// Points of the path ahead.
-    pub preview: Preview,
-}
-
-/// Observed points of the path ahead.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Preview {
-    /// Number of points.
-    pub points: u32,
-    /// Time between them, and from now to the first, s.
-    pub spacing: f64,
-}
-
-impl Default for Preview {
-    fn default() -> Self {
-        Self { points: 3, spacing: 0.2 }
+settings! {
+    /// End-effector tracking.
+    pub struct EETrack {
+        /// Kind of path.
+        reference: PathKind = PathKind::Mixed;
+        /// Amplitude or radius, m; 50 to 100 % of it are drawn.
+        reference_size: f64 = 0.4;
+        /// Maximum speed, m/s; 50 to 100 % of it are drawn.
+        reference_speed: f64 = 0.2;
+        /// Maximum amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
+        reference_rotation: f64 = 0.4;
+        /// Points of the path ahead.
+        preview: Preview = Preview::default();
     }
 }
 
-impl Default for EETrack {
-    fn default() -> Self {
-        Self {
-            reference: PathKind::Mixed,
-            reference_size: 0.4,
-            reference_speed: 0.2,
-            reference_rotation: 0.4,
-            preview: Preview::default(),
-        }
+settings! {
+    /// Observed points of the path ahead.
+    pub struct Preview {
+        /// Number of points.
+        points: u32 = 3;
+        /// Time between them, and from now to the first, s.
+        spacing: f64 = 0.2;
     }
 }
 
@@ -92,11 +73,11 @@ impl TaskDefinition for EETrack {
     type Kernel<T: Real> = EETrackKernel<T>;
 
     /// Divergence costs as much as 100 steps at a metre from the reference, so ending the episode early never pays.
-    fn defaults() -> Options<Self> {
-        let options = Options::default();
+    fn defaults() -> TaskOptions {
+        let options = TaskOptions::default();
         // Random actions throw the arm at its stops, which longer steps do not resolve.
         let reward = RewardWeights { diverged: 100.0, ..options.reward };
-        Options { dt: 0.005, substeps: 10, reward, ..options }
+        TaskOptions { dt: 0.005, substeps: 10, reward, ..options }
     }
 
     fn check(&self, _start_distance: f64) -> Result<(), TaskError> {
@@ -112,22 +93,22 @@ impl TaskDefinition for EETrack {
         Ok(())
     }
 
-    fn layout(options: &Options<Self>, _model: &TaskModel, layout: &mut Layout) {
-        let Preview { points, spacing } = options.task.preview;
-        let (speed, ahead) = (options.task.reference_speed, f64::from(points) * spacing);
+    fn layout(&self, _options: &TaskOptions, _model: &TaskModel, layout: &mut Layout) {
+        let Preview { points, spacing } = self.preview;
+        let (speed, ahead) = (self.reference_speed, f64::from(points) * spacing);
         layout.push("reference_twist", "m/s and rad/s", "velocities of the reference, end-effector axes", &six(TWIST));
         let point = six([(ERROR_SCALE, POSITION_BOUND + 1.01 * speed * ahead), (ERROR_SCALE, PI)]);
         let description = "both errors against each point of the reference ahead";
         layout.push("preview", "m and rad", description, &point.repeat(points as usize));
     }
 
-    fn rows(options: &Options<Self>, _model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
-        let points = options.task.preview.points as usize;
+    fn rows(&self, _model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+        let points = self.preview.points as usize;
         TaskRows { path: Some(PathRows::new(rows, points)), ..TaskRows::default() }
     }
 
-    fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> EETrackKernel<T> {
-        let (Preview { points, spacing }, number) = (options.task.preview.clone(), T::from_f64);
+    fn kernel<T: Real>(&self, options: &TaskOptions, model: &TaskModel, rows: &EpisodeRows) -> EETrackKernel<T> {
+        let (Preview { points, spacing }, number) = (self.preview.clone(), T::from_f64);
         EETrackKernel {
             rows: rows.task.path.expect("rows of the path"),
             preview: (points as usize, number(spacing / options.control_period())),
@@ -135,10 +116,10 @@ impl TaskDefinition for EETrack {
         }
     }
 
-    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>) {
+    fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
         let EpisodeStart { options, model, .. } = start;
         let pose = model.end_effector_pose(&start.target, &model.home);
-        let (range, period) = (options.task.range(), options.control_period());
+        let (range, period) = (self.range(), options.control_period());
         let path = draw_path(&range, &pose, start.up(), model.drives.tilt, period, &start.draw);
         memory.set_all::<f64, PATH>(kernel.task.rows.path, &path);
     }

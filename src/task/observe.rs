@@ -7,7 +7,7 @@ use super::definition::{ControlInstant, Frame, LEAK, TaskDefinition, TaskKernel}
 use super::disturbance::{MEASURED, SensorRows};
 use super::model::TaskModel;
 use super::observation::{INTEGRAL_SCALE, Layout, ObservationWriter, POSE_ERROR, TWIST, UNIT_BOUND, joint_entries};
-use super::options::Options;
+use super::options::TaskOptions;
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
 
@@ -15,7 +15,7 @@ use crate::lie::Vector3;
 const INVALID: f64 = 1e6;
 
 /// Layout of an observation of task `K`, in the order of [`ControlInstant::observe`].
-pub(super) fn layout<K: TaskDefinition>(options: &Options<K>, model: &TaskModel) -> Layout {
+pub(super) fn layout<K: TaskDefinition>(task: &K, options: &TaskOptions, model: &TaskModel) -> Layout {
     let [coordinates, rates] = joint_entries(&model.joints);
     let [position, attitude] = match K::FRAME {
         Frame::Vehicle => ["R^T (r - r_d), body axes", "rotation vector log(R_d^T R), body axes"],
@@ -34,7 +34,7 @@ pub(super) fn layout<K: TaskDefinition>(options: &Options<K>, model: &TaskModel)
     }
     layout.push("joint_position", "rad or m", "joint coordinates relative to home", &coordinates);
     layout.push("joint_rate", "rad/s or m/s", "joint rates", &rates);
-    K::layout(options, model, &mut layout);
+    task.layout(options, model, &mut layout);
     let actions = model.actions.len();
     layout.push("previous_action", "1", "the last action, as clipped", &vec![(1.0, 1.0); actions]);
     let integral = [[(INTEGRAL_SCALE, POSITION_BOUND / LEAK); 3], [(INTEGRAL_SCALE, PI / LEAK); 3]].concat();

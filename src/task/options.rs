@@ -4,121 +4,63 @@ use serde::{Deserialize, Serialize};
 
 use super::bounds::POSITION_BOUND;
 use super::disturbance::{Disturbance, Parameters};
+use super::registry::TaskKind;
 use super::reward::RewardWeights;
+use super::settings::settings;
 use crate::control::ActionKind;
 use crate::error::TaskError;
 
-/// Options of a task; each has a default. `K` holds the task's own options.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Options<K> {
-    /// The task, with its own options.
-    #[serde(skip)]
-    pub task: K,
-    /// Meaning of the entries of an action.
-    pub action: ActionKind,
-    /// Physics step, s.
-    pub dt: f64,
-    /// Physics steps per control period.
-    pub substeps: u32,
-    /// Maximum speed of the drawn current, m/s, without a disturbance. It adds to the scene's own current.
-    pub max_current: f64,
-    /// Disturbance of the episodes; without it a steady current. As JSON among plain values.
-    #[serde(default, with = "as_json", skip_serializing_if = "Option::is_none")]
-    pub disturbance: Option<Disturbance>,
-    /// Factors on the scene's parameters, in place of the disturbance's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub randomize: Option<Parameters>,
-    /// Time constant of all thrusters, s, in place of the scene's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub thruster_lag: Option<f64>,
-    /// Maximum initial distance from the target, m.
-    pub start_distance: f64,
-    /// Maximum initial attitude error, rad.
-    pub start_angle: f64,
-    /// Maximum distance of a drawn target from the world origin, m; 0 for a target at the origin.
-    pub target_distance: f64,
-    /// Maximum heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
-    pub target_heading: f64,
-    /// Reward weights.
-    pub reward: RewardWeights,
+settings! {
+    /// Options of a task; each has a default.
+    pub struct TaskOptions {
+        /// The task, with its own options.
+        #[serde(skip)]
+        task: TaskKind = TaskKind::default();
+        /// Meaning of the entries of an action.
+        action: ActionKind = ActionKind::Wrench;
+        /// Physics step, s.
+        dt: f64 = 0.01;
+        /// Physics steps per control period.
+        substeps: u32 = 5;
+        /// Maximum speed of the drawn current, m/s, without a disturbance. It adds to the scene's own current.
+        max_current: f64 = 0.3;
+        /// Disturbance of the episodes; without it a steady current. As JSON among plain values.
+        #[serde(with = "as_json", skip_serializing_if = "Option::is_none")]
+        disturbance: Option<Disturbance> = None;
+        /// Factors on the scene's parameters, in place of the disturbance's.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        randomize: Option<Parameters> = None;
+        /// Time constant of all thrusters, s, in place of the scene's.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        thruster_lag: Option<f64> = None;
+        /// Maximum initial distance from the target, m.
+        start_distance: f64 = 0.05;
+        /// Maximum initial attitude error, rad.
+        start_angle: f64 = 0.05;
+        /// Maximum distance of a drawn target from the world origin, m; 0 for a target at the origin.
+        target_distance: f64 = 0.0;
+        /// Maximum heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
+        target_heading: f64 = 0.0;
+        /// Reward weights.
+        reward: RewardWeights = RewardWeights::default();
+        /// Errors below which a pose counts as reached.
+        tolerance: Tolerance = Tolerance::default();
+        /// Maximum correction to the base controller's action with residual actions; 1 is an actuator's limit.
+        residual_scale: f64 = 0.3;
+    }
+}
+
+settings! {
     /// Errors below which a pose counts as reached.
-    pub tolerance: Tolerance,
-    /// Maximum correction to the base controller's action with residual actions; 1 is an actuator's limit.
-    pub residual_scale: f64,
-}
-
-/// Errors below which a pose counts as reached.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Tolerance {
-    /// m.
-    pub position: f64,
-    /// rad.
-    pub attitude: f64,
-}
-
-impl Default for Tolerance {
-    fn default() -> Self {
-        Self { position: 0.05, attitude: 0.1 }
+    pub struct Tolerance {
+        /// m.
+        position: f64 = 0.05;
+        /// rad.
+        attitude: f64 = 0.1;
     }
 }
 
-impl<K: Default> Default for Options<K> {
-    fn default() -> Self {
-        Self {
-            task: K::default(),
-            action: ActionKind::Wrench,
-            dt: 0.01,
-            substeps: 5,
-            max_current: 0.3,
-            disturbance: None,
-            randomize: None,
-            thruster_lag: None,
-            start_distance: 0.05,
-            start_angle: 0.05,
-            target_distance: 0.0,
-            target_heading: 0.0,
-            reward: RewardWeights::default(),
-            tolerance: Tolerance::default(),
-            residual_scale: 0.3,
-        }
-    }
-}
-
-impl<K> Options<K> {
-    /// These options with another task.
-    pub(super) fn with_task<Q>(self, task: Q) -> Options<Q> {
-        let Self { action, dt, substeps, max_current, disturbance, randomize, thruster_lag, .. } = self;
-        let Self {
-            start_distance,
-            start_angle,
-            target_distance,
-            target_heading,
-            reward,
-            tolerance,
-            residual_scale,
-            ..
-        } = self;
-        Options {
-            task,
-            action,
-            dt,
-            substeps,
-            max_current,
-            disturbance,
-            randomize,
-            thruster_lag,
-            start_distance,
-            start_angle,
-            target_distance,
-            target_heading,
-            reward,
-            tolerance,
-            residual_scale,
-        }
-    }
-
+impl TaskOptions {
     /// Disturbance of the episodes.
     pub fn disturbance(&self) -> Disturbance {
         let given = self.disturbance.clone().unwrap_or_else(|| Disturbance::steady(self.max_current));

@@ -7,12 +7,9 @@ use toml::{Table, Value};
 use super::definition::{BaseController, TaskDefinition};
 use super::dock::Dock;
 use super::ee_track::EETrack;
-use super::options::Options;
+use super::options::TaskOptions;
 use super::station_keep::StationKeep;
 use crate::error::TaskError;
-
-/// Options of a task among all.
-pub type TaskOptions = Options<TaskKind>;
 
 /// Declares the tasks: [`TaskKind`] and the macro `dispatch_task`.
 macro_rules! tasks {
@@ -49,7 +46,10 @@ macro_rules! tasks {
         /// Default options of the task of that name.
         fn defaults_of(name: &str) -> Option<TaskOptions> {
             match name {
-                $(<$task as TaskDefinition>::NAME => Some(any(<$task as TaskDefinition>::defaults())),)+
+                $(<$task as TaskDefinition>::NAME => {
+                    let task = $task::default().into();
+                    Some(TaskOptions { task, ..<$task as TaskDefinition>::defaults() })
+                })+
                 _ => None,
             }
         }
@@ -85,12 +85,6 @@ impl TaskKind {
     pub fn drives_joints(&self) -> bool {
         dispatch_task!(self, K, _definition => K::DRIVES_JOINTS)
     }
-}
-
-/// Options of one task as options of any task.
-fn any<K: TaskDefinition + Into<TaskKind>>(options: Options<K>) -> TaskOptions {
-    let task = options.task.clone().into();
-    options.with_task(task)
 }
 
 impl TaskOptions {
@@ -130,7 +124,7 @@ impl TaskOptions {
                 }
             }
             let own: K = read(own)?;
-            Ok(read::<Options<()>>(shared)?.with_task(own.into()))
+            Ok(Self { task: own.into(), ..read(shared)? })
         })
     }
 

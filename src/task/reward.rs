@@ -4,33 +4,26 @@
 //! `-w_pose (ln(1 + (p / s)^2) + p / c) - w_effort mean(u^2) - w_rate mean((a - a_prev)^2) - w_diverged`, the last term
 //! only where the state diverged. u are relative thrusts and torques, a actions; c is 0.3 m unless the task says otherwise.
 
-use serde::{Deserialize, Serialize};
-
+use super::settings::settings;
 use crate::control::ATTITUDE_LEVER;
 use crate::lane::{Lane, Real, ln_1p};
 
 /// Pose error at which the linear part is 1, m.
 pub(super) const COARSE: f64 = 0.3;
 
-/// Weights of the reward's terms, and the scale of the pose error.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RewardWeights {
-    /// Weight of the pose error.
-    pub pose: f64,
-    /// Pose error s at which the logarithm bends, m. It is the user's accuracy, not the vehicle's size: no scene scales it.
-    pub pose_scale: f64,
-    /// Weight of the mean squared relative thrust and torque.
-    pub effort: f64,
-    /// Weight of the mean squared change of the action.
-    pub action_rate: f64,
-    /// Cost of divergence.
-    pub diverged: f64,
-}
-
-impl Default for RewardWeights {
-    fn default() -> Self {
-        Self { pose: 0.1, pose_scale: 0.02, effort: 0.02, action_rate: 0.1, diverged: 0.0 }
+settings! {
+    /// Weights of the reward's terms, and the scale of the pose error.
+    pub struct RewardWeights {
+        /// Weight of the pose error.
+        pose: f64 = 0.1;
+        /// Pose error s at which the logarithm bends, m. It is the user's accuracy, not the vehicle's size: no scene scales it.
+        pose_scale: f64 = 0.02;
+        /// Weight of the mean squared relative thrust and torque.
+        effort: f64 = 0.02;
+        /// Weight of the mean squared change of the action.
+        action_rate: f64 = 0.1;
+        /// Cost of divergence.
+        diverged: f64 = 0.0;
     }
 }
 

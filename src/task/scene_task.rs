@@ -14,9 +14,9 @@ use super::metrics::Outcome;
 use super::model::TaskModel;
 use super::observation::Layout;
 use super::observe::layout;
-use super::options::Options;
+use super::options::TaskOptions;
 use super::pose::{Pose, StageState};
-use super::registry::{TaskOptions, dispatch_task};
+use super::registry::dispatch_task;
 use super::scalar::{Scalar, ScalarKernel};
 use super::scene_draws::SceneDraws;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation};
@@ -51,31 +51,24 @@ impl Task {
     pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check_all()?;
         let scene = scene.clone();
-        dispatch_task!(&options.task, K, definition => {
-            let own = options.clone().with_task::<K>(definition.clone());
-            Self::with_definition(scene, own, options)
-        })
+        dispatch_task!(&options.task, K, task => Self::with_definition::<K>(scene, task.clone(), options))
     }
 
-    fn with_definition<K: TaskDefinition>(
-        mut scene: Scene,
-        own: Options<K>,
-        options: TaskOptions,
-    ) -> Result<Self, TaskError> {
+    fn with_definition<K: TaskDefinition>(mut scene: Scene, task: K, options: TaskOptions) -> Result<Self, TaskError> {
         if K::DRIVES_JOINTS {
             scene = with_drives(&scene);
         }
         if let Some(lag) = options.thruster_lag {
             scene.vehicle.set_thruster_lag(lag);
         }
-        let model = model(scene, &own)?;
-        let kernel = TaskKernel::new(&own, &model);
+        let model = model(scene, &task, &options)?;
+        let kernel = TaskKernel::new(&task, &options, &model);
         Ok(Self {
             thruster_names: model.scene.thruster_names(),
             joint_names: model.scene.joint_names(),
             metric_names: TaskKernel::<f64, K>::metric_names(),
             model: Arc::new(model),
-            kernel: Arc::new(Scalar { options: own, kernel }),
+            kernel: Arc::new(Scalar { task, kernel }),
             options,
         })
     }
@@ -203,7 +196,7 @@ impl Task {
 
     /// The kernel of the task of type `K` in this precision; `definition` is the options' task.
     pub fn in_lanes<T: Real, K: TaskDefinition>(&self, definition: &K) -> TaskKernel<T, K> {
-        TaskKernel::new(&self.options.clone().with_task(definition.clone()), &self.model)
+        TaskKernel::new(definition, &self.options, &self.model)
     }
 
     /// The kernel for one instance.
@@ -246,7 +239,7 @@ impl Task {
 }
 
 /// The scene as task `K` reads it.
-fn model<K: TaskDefinition>(scene: Scene, options: &Options<K>) -> Result<TaskModel, TaskError> {
+fn model<K: TaskDefinition>(scene: Scene, task: &K, options: &TaskOptions) -> Result<TaskModel, TaskError> {
     let refuse = |reason: String| Err(TaskError::Scene { scene: scene.name.clone(), reason });
     let vehicle = &scene.vehicle;
     if vehicle.fixed {
@@ -303,6 +296,6 @@ fn model<K: TaskDefinition>(scene: Scene, options: &Options<K>) -> Result<TaskMo
         layout: Layout::default(),
         scene,
     };
-    model.layout = layout(options, &model);
+    model.layout = layout(task, options, &model);
     Ok(model)
 }

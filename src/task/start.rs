@@ -1,14 +1,11 @@
 //! Starts of episodes.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
-
 use super::bounds::violation;
-use super::disturbance::{Column, Disturbance, DisturbanceKernel};
+use super::disturbance::Disturbance;
 use super::episode::Episode;
 use super::observation::joint_bounds;
 use super::options::StartOverride;
-use super::pose::{Pose, StageState};
-use super::random::{EpisodeKey, Purpose, Stream};
+use super::random::EpisodeKey;
 use super::scene_task::Task;
 use crate::error::{ControlError, TaskError};
 use crate::system::{Factors, State};
@@ -16,7 +13,7 @@ use crate::system::{Factors, State};
 impl Task {
     /// Drawn start of an episode, and its start state.
     pub fn begin(&self, key: EpisodeKey) -> (Episode, State) {
-        self.start(key, &StartOverride::default())
+        self.kernel().start(self, key, &StartOverride::default())
     }
 
     /// Start of an episode with given parts; the others are drawn as without them.
@@ -62,7 +59,7 @@ impl Task {
             disturbance.check(&self.model().context)?;
             self.disturbance().check_room(disturbance, self.options().control_period())?;
         }
-        let (episode, state) = self.start(key, given);
+        let (episode, state) = self.kernel().start(self, key, given);
         let frame = self.kernel().frame(self.model(), &state);
         match violation(&frame, &episode.target(), &state, n) {
             Some((name, value, bound)) => {
@@ -70,56 +67,6 @@ impl Task {
             }
             None => Ok((episode, state)),
         }
-    }
-
-    fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {
-        let options = self.options();
-        let model = self.model();
-        let [_, _, up] = model.level;
-        let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
-        let arm = disturbance.arm.unwrap_or_default();
-
-        let draw = Stream::new(key, Purpose::TARGET);
-        let target = Pose {
-            position: given
-                .target_position
-                .map_or_else(|| draw.unit_vector(0) * (options.target_distance * draw.uniform(1)), Vector3::from),
-            rotation: given.target_attitude.map_or_else(
-                || Pose::turn(up * draw.uniform_in(2, -options.target_heading, options.target_heading)).rotation,
-                rotation,
-            ),
-        };
-
-        let draw = Stream::new(key, Purpose::CURRENT);
-        let current = given.current.map(Vector3::from).unwrap_or_else(|| {
-            let (own, steady) = (model.scene.water.current, disturbance.current.as_ref());
-            steady.map_or(own, |steady| own + steady.draw(&draw, &model.context))
-        });
-
-        let drawn = self.kernel().start_pose(model, &target, &Stream::new(key, Purpose::START));
-        let position = given.position.map_or(drawn.position, Vector3::from);
-        let attitude = given.attitude.map_or(drawn.rotation, rotation);
-        let twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
-        let mut state = State { position, rotation: attitude, twist, q: model.home, ..State::default() };
-        state.q.iter_mut().zip(given.q.iter().flatten()).for_each(|(q, x)| *q = *x);
-        state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
-
-        let kernel = self.kernel();
-        let mut episode = Episode::blank(key, *kernel.rows());
-        episode.set_target(&target);
-        let current_row = episode.rows.current;
-        let mut memory = episode.memory();
-        memory.set_all::<f64, 3>(current_row, &current.into());
-        kernel.sample(model, key, (&target, &state), [arm.amplitude, arm.speed], &mut memory);
-        if let Some(kernel) = kernel.disturbance() {
-            kernel.begin(&mut Column::of_one(&mut episode.numbers), key, &current, disturbance);
-        }
-        kernel.begin(&mut episode.memory());
-        kernel.measure_start(episode.memory(), &StageState::from(&state));
-        if let Some(sensors) = kernel.disturbance().and_then(DisturbanceKernel::sensors) {
-            sensors.fill(&mut Column::of_one(&mut episode.numbers));
-        }
-        (episode, state)
     }
 
     /// Factors on the scene's parameters in an episode with this start; `None` where they are always 1.
@@ -135,9 +82,4 @@ impl Task {
         };
         own.varies().then(|| disturbance.factors(key))
     }
-}
-
-/// Rotation matrix of a quaternion [w, x, y, z] of any length but zero.
-fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
-    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
 }

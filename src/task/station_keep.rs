@@ -1,7 +1,5 @@
 //! Station keeping: the vehicle holds a pose while its arm follows references and a current pushes.
 
-use serde::{Deserialize, Serialize};
-
 use super::arm_reference;
 use super::bounds::{POSITION_BOUND, shorter};
 use super::definition::{ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
@@ -9,24 +7,19 @@ use super::disturbance::MEASURED;
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::model::TaskModel;
 use super::observation::{Layout, ObservationWriter};
-use super::options::{Options, check_non_negative};
+use super::options::{TaskOptions, check_non_negative};
 use super::reference::JointReferenceRows;
+use super::settings::settings;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::Vector3;
 use crate::system::JOINTS;
 
-/// Station keeping.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StationKeep {
-    /// Maximum amplitude of the arm's reference about home, rad (a quarter of it in metres for prismatic joints).
-    pub arm_amplitude: f64,
-}
-
-impl Default for StationKeep {
-    fn default() -> Self {
-        Self { arm_amplitude: 0.4 }
+settings! {
+    /// Station keeping.
+    pub struct StationKeep {
+        /// Maximum amplitude of the arm's reference about home, rad (a quarter of it in metres for prismatic joints).
+        arm_amplitude: f64 = 0.4;
     }
 }
 
@@ -42,22 +35,22 @@ impl TaskDefinition for StationKeep {
         check_non_negative(&[("arm_amplitude", self.arm_amplitude)])
     }
 
-    fn layout(_options: &Options<Self>, model: &TaskModel, layout: &mut Layout) {
+    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut Layout) {
         arm_reference::push_blocks(model, layout);
     }
 
-    fn rows(_options: &Options<Self>, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+    fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
         TaskRows { joints: Some(joints), ..TaskRows::default() }
     }
 
-    fn kernel<T: Real>(_options: &Options<Self>, _model: &TaskModel, rows: &EpisodeRows) -> JointReferenceRows {
+    fn kernel<T: Real>(&self, _options: &TaskOptions, _model: &TaskModel, rows: &EpisodeRows) -> JointReferenceRows {
         rows.task.joints.expect("rows of the joint references")
     }
 
-    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>) {
+    fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
         let [amplitude, speed] = start.arm;
-        let range = [start.options.task.arm_amplitude * amplitude, speed];
+        let range = [self.arm_amplitude * amplitude, speed];
         let (joints, q, period) = (&start.model.joints, &start.state.q, start.options.control_period());
         kernel.task.draw(memory, joints, q, range, period, &start.draw);
     }

@@ -79,8 +79,37 @@ impl<L: Lane> Forcing<L> {
     }
 }
 
+/// Declares the settings of a component by its name: each with its default and, where there is one, the range of its numbers.
+macro_rules! component {
+    ($(#[$meta:meta])* pub struct $kind:ident = $name:literal {
+        $($(#[$doc:meta])* $field:ident: $type:ty = $default:expr $(, in $minimum:expr, $maximum:expr)?;)*
+    }) => {
+        $crate::task::settings::settings! { $(#[$meta])* pub struct $kind { $($(#[$doc])* $field: $type = $default;)* } }
+
+        impl super::component::Ranges for $kind {
+            fn check_ranges(&self) -> Result<(), $crate::error::TaskError> {
+                $($(super::span::Bounded::check(
+                    &self.$field, concat!($name, ".", stringify!($field)), $minimum, $maximum
+                )?;)?)*
+                Ok(())
+            }
+        }
+    };
+}
+
+pub(super) use component;
+
+/// Ranges of the numbers of a component.
+pub trait Ranges {
+    /// Refuses numbers out of range.
+    ///
+    /// # Errors
+    /// `TaskError::Disturbance`.
+    fn check_ranges(&self) -> Result<(), TaskError>;
+}
+
 /// A component of a disturbance. Its draws and its state are in rows of an episode's memory, which are 0 at first.
-pub trait Component {
+pub trait Component: Ranges {
     /// Number of its stream of draws, from 32 on; 0 without one.
     const STREAM: u32 = 0;
     /// A reset gives it only where the environment has it.
@@ -90,11 +119,13 @@ pub trait Component {
     /// Number of rows, where it is the same for all sizes and scenes.
     const ROWS: usize = 0;
 
-    /// Refuses numbers out of range, and what the scene does not allow.
+    /// Refuses numbers, each in its range, that do not go together or that the scene does not allow.
     ///
     /// # Errors
     /// `TaskError::Disturbance`.
-    fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError>;
+    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+        Ok(())
+    }
 
     /// Size of its memory, where components differ in it.
     fn size(&self) -> usize {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arm::ArmMotion;
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
+use super::component::{Component, Draws, Forcing, Moment, Place, Ranges};
 use super::context::DisturbanceContext;
 use super::current::{Drift, Gust, SteadyCurrent};
 use super::impulse::Impulse;
@@ -39,7 +39,10 @@ macro_rules! components {
             /// # Errors
             /// `TaskError::Disturbance`.
             pub fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
-                $(self.$name.iter().try_for_each(|component| component.check(context))?;)+
+                $(self.$name.iter().try_for_each(|component| {
+                    component.check_ranges()?;
+                    component.check(context)
+                })?;)+
                 Ok(())
             }
 

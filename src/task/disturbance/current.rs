@@ -1,13 +1,11 @@
 //! Currents: steady, drifting, and gusts.
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place, QUAD, normal_pair};
+use super::component::{Component, Draws, Forcing, Moment, Place, QUAD, component, normal_pair};
 use super::context::DisturbanceContext;
-use super::span::{Span, check};
-use crate::error::TaskError;
+use super::span::Span;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie;
 use crate::task::random::Stream;
@@ -17,19 +15,13 @@ pub(super) const FASTEST: f64 = 5.0;
 /// Maximum elevation: straight up or down, rad.
 pub(super) const STEEPEST: f64 = std::f64::consts::FRAC_PI_2;
 
-/// A steady current, on top of the scene's own: drawn at an episode's start.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SteadyCurrent {
-    /// Speed, m/s.
-    pub speed: Span,
-    /// Maximum angle against the horizontal, rad.
-    pub elevation: f64,
-}
-
-impl Default for SteadyCurrent {
-    fn default() -> Self {
-        Self::up_to(0.3)
+component! {
+    /// A steady current, on top of the scene's own: drawn at an episode's start.
+    pub struct SteadyCurrent = "current" {
+        /// Speed, m/s.
+        speed: Span = Span::of(0.0, 0.3), in 0.0, FASTEST;
+        /// Maximum angle against the horizontal, rad.
+        elevation: f64 = 0.25, in 0.0, STEEPEST;
     }
 }
 
@@ -51,32 +43,21 @@ impl SteadyCurrent {
 
 impl Component for SteadyCurrent {
     const RESERVED: bool = false;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.speed.check("current.speed", 0.0, FASTEST)?;
-        check("current.elevation", self.elevation, 0.0, STEEPEST)
-    }
 }
 
 /// Draws reserved at the start of a drift's stream; the draws of control periods follow.
 const FIRST: u32 = 16;
 
-/// A drifting current: in each direction a Gauss-Markov process, `x' = -x / time + noise`, discretised exactly. It is
-/// constant over each control period.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Drift {
-    /// Standard deviation along each horizontal axis, m/s.
-    pub deviation: Span,
-    /// Time over which the correlation falls to 1/e, s.
-    pub time: Span,
-    /// Vertical deviation over the horizontal one.
-    pub vertical: f64,
-}
-
-impl Default for Drift {
-    fn default() -> Self {
-        Self { deviation: Span::of(0.03, 0.08), time: Span::of(5.0, 20.0), vertical: 0.3 }
+component! {
+    /// A drifting current: in each direction a Gauss-Markov process, `x' = -x / time + noise`, discretised exactly. It is
+    /// constant over each control period.
+    pub struct Drift = "drift" {
+        /// Standard deviation along each horizontal axis, m/s.
+        deviation: Span = Span::of(0.03, 0.08), in 0.0, 1.0;
+        /// Time over which the correlation falls to 1/e, s.
+        time: Span = Span::of(5.0, 20.0), in 1e-3, 1e6;
+        /// Vertical deviation over the horizontal one.
+        vertical: f64 = 0.3, in 0.0, 10.0;
     }
 }
 
@@ -99,12 +80,6 @@ impl Component for Drift {
     const STREAM: u32 = 32;
     /// The state, then uniform draws of a control period.
     const ROWS: usize = Self::STATE + QUAD;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.deviation.check("drift.deviation", 0.0, 1.0)?;
-        self.time.check("drift.time", 1e-3, 1e6)?;
-        check("drift.vertical", self.vertical, 0.0, 10.0)
-    }
 
     fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
         let Draws { stream: draw, context, .. } = draws;
@@ -133,34 +108,21 @@ impl Component for Drift {
     }
 }
 
-/// Gusts: the current rises smoothly, lasts, and falls as it rose; after a pause the next one follows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Gust {
-    /// Speed, m/s.
-    pub speed: Span,
-    /// Time to rise and to fall, s.
-    pub rise: f64,
-    /// Time from the start of the rise to the start of the fall, s.
-    pub duration: Span,
-    /// Time from the episode's start, or the end of the gust before, to the start of the rise, s.
-    pub pause: Span,
-    /// Maximum angle against the horizontal, rad.
-    pub elevation: f64,
-    /// True where it reverses half-way.
-    pub turns: bool,
-}
-
-impl Default for Gust {
-    fn default() -> Self {
-        Self {
-            speed: Span::of(0.1, 0.3),
-            rise: 1.0,
-            duration: Span::of(2.0, 6.0),
-            pause: Span::of(1.0, 6.0),
-            elevation: 0.25,
-            turns: false,
-        }
+component! {
+    /// Gusts: the current rises smoothly, lasts, and falls as it rose; after a pause the next one follows.
+    pub struct Gust = "gust" {
+        /// Speed, m/s.
+        speed: Span = Span::of(0.1, 0.3), in 0.0, FASTEST;
+        /// Time to rise and to fall, s.
+        rise: f64 = 1.0, in 0.0, 1e4;
+        /// Time from the start of the rise to the start of the fall, s.
+        duration: Span = Span::of(2.0, 6.0), in 0.0, 1e6;
+        /// Time from the episode's start, or the end of the gust before, to the start of the rise, s.
+        pause: Span = Span::of(1.0, 6.0), in 0.0, 1e6;
+        /// Maximum angle against the horizontal, rad.
+        elevation: f64 = 0.25, in 0.0, STEEPEST;
+        /// True where it reverses half-way.
+        turns: bool = false;
     }
 }
 
@@ -184,14 +146,6 @@ impl Component for Gust {
     /// Times in control periods: start of rise and of fall, one over the rise; velocity (3); reversal (0 or 1); number
     /// of gusts so far. Then the ranges of the next one: speed, duration and pause (2 each), elevation.
     const ROWS: usize = 15;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.speed.check("gust.speed", 0.0, FASTEST)?;
-        check("gust.rise", self.rise, 0.0, 1e4)?;
-        self.duration.check("gust.duration", 0.0, 1e6)?;
-        self.pause.check("gust.pause", 0.0, 1e6)?;
-        check("gust.elevation", self.elevation, 0.0, STEEPEST)
-    }
 
     fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
         let Draws { stream: draw, context, .. } = draws;

@@ -1,43 +1,27 @@
 //! Pushes.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
-use super::context::DisturbanceContext;
-use super::span::{Span, check};
-use crate::error::TaskError;
+use super::component::{Component, Draws, Forcing, Moment, Place, component};
+use super::span::Span;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Vector3, Vector6};
 use crate::task::random::Stream;
 
-/// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. Each
-/// control period applies the mean over the period, so that the momentum does not depend on the start within it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Impulse {
-    /// Force relative to the maximum thrust along the vehicle's weakest axis.
-    pub share: Span,
-    /// Force, N; in place of the share.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<Span>,
-    /// Duration, s.
-    pub duration: Span,
-    /// Time from the episode's start, or the end of the push before, s.
-    pub pause: Span,
-    /// Maximum distance of the point from the vehicle's origin relative to the root mean square distance of its thrusters.
-    pub reach: f64,
-}
-
-impl Default for Impulse {
-    fn default() -> Self {
-        Self {
-            share: Span::of(0.3, 1.0),
-            force: None,
-            duration: Span::of(0.1, 0.4),
-            pause: Span::of(2.0, 6.0),
-            reach: 0.5,
-        }
+component! {
+    /// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. Each
+    /// control period applies the mean over the period, so that the momentum does not depend on the start within it.
+    pub struct Impulse = "impulse" {
+        /// Force relative to the maximum thrust along the vehicle's weakest axis.
+        share: Span = Span::of(0.3, 1.0), in 0.0, 10.0;
+        /// Force, N; in place of the share.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        force: Option<Span> = None, in 0.0, 1e7;
+        /// Duration, s.
+        duration: Span = Span::of(0.1, 0.4), in 0.0, 1e4;
+        /// Time from the episode's start, or the end of the push before, s.
+        pause: Span = Span::of(2.0, 6.0), in 0.0, 1e6;
+        /// Maximum distance of the point from the vehicle's origin relative to the root mean square distance of its thrusters.
+        reach: f64 = 0.5, in 0.0, 10.0;
     }
 }
 
@@ -60,16 +44,6 @@ impl Component for Impulse {
     /// Start and end in control periods; force (3, world) and point (3, body); number of pushes so far. Then the ranges of
     /// the next one: force, duration and pause (2 each), reach.
     const ROWS: usize = 16;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.share.check("impulse.share", 0.0, 10.0)?;
-        if let Some(force) = self.force {
-            force.check("impulse.force", 0.0, 1e7)?;
-        }
-        self.duration.check("impulse.duration", 0.0, 1e4)?;
-        self.pause.check("impulse.pause", 0.0, 1e6)?;
-        check("impulse.reach", self.reach, 0.0, 10.0)
-    }
 
     fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
         let Draws { stream: draw, context, .. } = draws;

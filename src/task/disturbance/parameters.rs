@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::component::Component;
-use super::context::DisturbanceContext;
+use super::component::{Component, Ranges};
 use super::scene_range::SceneRange;
-use super::span::{Span, check};
+use super::span::{Bounded, Span};
 use crate::error::TaskError;
 use crate::system::{FACTORS, Factors};
 use crate::task::random::Stream;
@@ -141,8 +140,10 @@ impl Parameters {
 impl Component for Parameters {
     const STREAM: u32 = 40;
     const RESERVED: bool = false;
+}
 
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
+impl Ranges for Parameters {
+    fn check_ranges(&self) -> Result<(), TaskError> {
         for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
             let (minimum, most) = match name {
                 PAYLOAD => (0.0, 1e6),
@@ -150,7 +151,7 @@ impl Component for Parameters {
                 _ => (0.0, 10.0),
             };
             if let Some(range) = range {
-                check(&format!("parameters.{name}"), range.low, minimum, most)?;
+                range.low.check(&format!("parameters.{name}"), minimum, most)?;
                 range.check(&format!("parameters.{name}"), minimum, most)?;
             }
         }

@@ -1,25 +1,23 @@
 //! Time series given by the user.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
+use super::component::{Component, Draws, Forcing, Moment, Place, component};
 use super::context::DisturbanceContext;
-use super::span::{check, refuse};
+use super::span::refuse;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Vector3, Vector6};
 
-/// A current and a wrench for every control period, added to the other disturbances. After its end both are zero.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Script {
-    /// Velocity of the water in world axes, m/s, per control period.
-    pub current: Vec<[f64; 3]>,
-    /// Wrench on the vehicle at its origin, body axes, N and N m, per control period.
-    pub wrench: Vec<[f64; 6]>,
-    /// True where it repeats.
-    pub repeat: bool,
+component! {
+    /// A current and a wrench for every control period, added to the other disturbances. After its end both are zero.
+    pub struct Script = "script" {
+        /// Velocity of the water in world axes, m/s, per control period.
+        current: Vec<[f64; 3]> = Vec::new(), in -5.0, 5.0;
+        /// Wrench on the vehicle at its origin, body axes, N and N m, per control period.
+        wrench: Vec<[f64; 6]> = Vec::new(), in -1e7, 1e7;
+        /// True where it repeats.
+        repeat: bool = false;
+    }
 }
 
 /// Most control periods of a script.
@@ -58,8 +56,7 @@ impl Component for Script {
         if self.len() > LONGEST {
             return refuse("script", format!("{} control periods, but at most {LONGEST} are taken", self.len()));
         }
-        self.current.iter().flatten().try_for_each(|x| check("script.current", *x, -5.0, 5.0))?;
-        self.wrench.iter().flatten().try_for_each(|x| check("script.wrench", *x, -1e7, 1e7))
+        Ok(())
     }
 
     fn size(&self) -> usize {

@@ -1,11 +1,9 @@
 //! Sensors: noise, bias and delay of measurements.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, QUAD, normal_pair};
+use super::component::{Component, QUAD, component, normal_pair};
 use super::context::DisturbanceContext;
-use super::span::{Span, check, refuse};
+use super::span::{Span, refuse};
 use crate::control::MAX_SENSOR_DELAY;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Routine, Rows};
@@ -17,53 +15,29 @@ pub const MEASURED_OF_VEHICLE: usize = 12;
 /// Maximum count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity.
 pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
 
-/// White noise of the measurements, with these standard deviations at every control instant.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Noise {
-    /// Position error, m.
-    pub position: f64,
-    /// Attitude error, rad.
-    pub attitude: f64,
-    /// Linear velocity, m/s.
-    pub linear_velocity: f64,
-    /// Angular velocity, rad/s.
-    pub angular_velocity: f64,
-    /// Joint coordinates, rad or m.
-    pub joint_position: f64,
-    /// Joint rates, rad/s or m/s.
-    pub joint_rate: f64,
-    /// Bias throughout an episode: its standard deviation relative to the noise's.
-    pub bias: f64,
-}
-
-impl Default for Noise {
-    fn default() -> Self {
-        Self {
-            position: 0.005,
-            attitude: 0.005,
-            linear_velocity: 0.01,
-            angular_velocity: 0.01,
-            joint_position: 0.002,
-            joint_rate: 0.01,
-            bias: 0.0,
-        }
+component! {
+    /// White noise of the measurements, with these standard deviations at every control instant.
+    pub struct Noise = "noise" {
+        /// Position error, m.
+        position: f64 = 0.005, in 0.0, 1.0;
+        /// Attitude error, rad.
+        attitude: f64 = 0.005, in 0.0, 1.0;
+        /// Linear velocity, m/s.
+        linear_velocity: f64 = 0.01, in 0.0, 1.0;
+        /// Angular velocity, rad/s.
+        angular_velocity: f64 = 0.01, in 0.0, 1.0;
+        /// Joint coordinates, rad or m.
+        joint_position: f64 = 0.002, in 0.0, 1.0;
+        /// Joint rates, rad/s or m/s.
+        joint_rate: f64 = 0.01, in 0.0, 1.0;
+        /// Bias throughout an episode: its standard deviation relative to the noise's.
+        bias: f64 = 0.0, in 0.0, 10.0;
     }
 }
 
 impl Component for Noise {
     /// Stream of the noise.
     const STREAM: u32 = 41;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        check("noise.position", self.position, 0.0, 1.0)?;
-        check("noise.attitude", self.attitude, 0.0, 1.0)?;
-        check("noise.linear_velocity", self.linear_velocity, 0.0, 1.0)?;
-        check("noise.angular_velocity", self.angular_velocity, 0.0, 1.0)?;
-        check("noise.joint_position", self.joint_position, 0.0, 1.0)?;
-        check("noise.joint_rate", self.joint_rate, 0.0, 1.0)?;
-        check("noise.bias", self.bias, 0.0, 10.0)
-    }
 }
 
 impl Noise {
@@ -80,19 +54,13 @@ impl Noise {
     }
 }
 
-/// Age of the measurements when observed, the same throughout an episode.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Delay {
-    /// Age in seconds, drawn per episode and rounded to control periods.
-    pub time: Span,
-    /// Further age in control periods.
-    pub periods: u32,
-}
-
-impl Default for Delay {
-    fn default() -> Self {
-        Self { time: Span::of(0.0, 0.0), periods: 0 }
+component! {
+    /// Age of the measurements when observed, the same throughout an episode.
+    pub struct Delay = "delay" {
+        /// Age in seconds, drawn per episode and rounded to control periods.
+        time: Span = Span::of(0.0, 0.0), in 0.0, 1e3;
+        /// Further age in control periods.
+        periods: u32 = 0;
     }
 }
 
@@ -101,7 +69,6 @@ impl Component for Delay {
     const RESERVED: bool = false;
 
     fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.time.check("delay.time", 0.0, 1e3)?;
         let periods = self.time.high / context.period + f64::from(self.periods);
         if periods > MAX_SENSOR_DELAY as f64 {
             return refuse("delay", format!("{periods:.0} control periods, but at most {MAX_SENSOR_DELAY} are taken"));

@@ -56,22 +56,47 @@ impl Span {
     pub(super) fn at(self, share: f64) -> f64 {
         self.low + (self.high - self.low) * share
     }
+}
 
-    /// Refuses ends beyond these bounds, or in the wrong order.
-    pub(super) fn check(self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
-        let Self { low, high } = self;
-        if low <= high {
-            check(key, low, minimum, maximum)?;
-            check(key, high, minimum, maximum)
-        } else {
-            refuse(key, format!("[{low}, {high}] is no range, minimum first"))
-        }
+/// Numbers that must lie within bounds.
+pub(super) trait Bounded {
+    /// Refuses numbers beyond these bounds.
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError>;
+}
+
+impl Bounded for f64 {
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+        let valid = (minimum..=maximum).contains(self);
+        if valid { Ok(()) } else { refuse(key, format!("{self} must be in [{minimum}, {maximum}]")) }
     }
 }
 
-/// Refuses a number beyond these bounds.
-pub(super) fn check(key: &str, x: f64, minimum: f64, maximum: f64) -> Result<(), TaskError> {
-    if x >= minimum && x <= maximum { Ok(()) } else { refuse(key, format!("{x} must be in [{minimum}, {maximum}]")) }
+impl Bounded for Span {
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+        let Self { low, high } = self;
+        if low > high || low.is_nan() || high.is_nan() {
+            return refuse(key, format!("[{low}, {high}] is no range, minimum first"));
+        }
+        [*low, *high].check(key, minimum, maximum)
+    }
+}
+
+impl<T: Bounded> Bounded for Option<T> {
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+        self.iter().try_for_each(|numbers| numbers.check(key, minimum, maximum))
+    }
+}
+
+impl<T: Bounded> Bounded for Vec<T> {
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+        self.iter().try_for_each(|numbers| numbers.check(key, minimum, maximum))
+    }
+}
+
+impl<T: Bounded, const N: usize> Bounded for [T; N] {
+    fn check(&self, key: &str, minimum: f64, maximum: f64) -> Result<(), TaskError> {
+        self.iter().try_for_each(|numbers| numbers.check(key, minimum, maximum))
+    }
 }
 
 pub(super) fn refuse<T>(key: &str, reason: String) -> Result<T, TaskError> {

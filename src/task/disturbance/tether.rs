@@ -1,56 +1,37 @@
 //! A cable from a fixed point to the vehicle.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
-use super::context::DisturbanceContext;
-use super::span::{Span, check};
-use crate::error::TaskError;
+use super::component::{Component, Draws, Forcing, Moment, Place, component};
+use super::span::Span;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Vector3, Vector6};
 
-/// A cable from a fixed point (such as at the surface) to a point of the vehicle, in quasi-static equilibrium: its inertia
-/// is neglected.
-///
-/// Current and net weight load it evenly along its chord: per metre `q = 1/2 rho C_D d |u| u - w up`, where u is the part
-/// across the chord of the water's velocity against the cable, whose speed is half the speed of the vehicle's point. The
-/// vehicle bears half of that load, and the tension along the chord c that a parabola of the cable's length L takes,
-/// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; a chord longer than the
-/// cable stretches a spring.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Tether {
-    /// Height of the fixed point above the world origin, m; negative if it lies below.
-    pub height: Span,
-    /// Horizontal distance of the fixed point from the world origin, m.
-    pub distance: Span,
-    /// Length over the distance from the fixed point to the world origin, minus 1.
-    pub slack: Span,
-    /// Diameter, m.
-    pub diameter: f64,
-    /// Drag coefficient across the cable.
-    pub drag: f64,
-    /// Weight in water, N per metre; negative if it floats.
-    pub weight: Span,
-    /// Stiffness of the stretched cable: share of the maximum thrust along the weakest axis, per metre.
-    pub stiffness: f64,
-    /// Attachment to the vehicle, body axes, m.
-    pub attachment: [f64; 3],
-}
-
-impl Default for Tether {
-    fn default() -> Self {
-        Self {
-            height: Span::of(5.0, 15.0),
-            distance: Span::of(0.0, 8.0),
-            slack: Span::of(0.02, 0.1),
-            diameter: 0.01,
-            drag: 1.2,
-            weight: Span::of(-0.3, 0.3),
-            stiffness: 0.5,
-            attachment: [0.0; 3],
-        }
+component! {
+    /// A cable from a fixed point (such as at the surface) to a point of the vehicle, in quasi-static equilibrium: its inertia
+    /// is neglected.
+    ///
+    /// Current and net weight load it evenly along its chord: per metre `q = 1/2 rho C_D d |u| u - w up`, where u is the part
+    /// across the chord of the water's velocity against the cable, whose speed is half the speed of the vehicle's point. The
+    /// vehicle bears half of that load, and the tension along the chord c that a parabola of the cable's length L takes,
+    /// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; a chord longer than the
+    /// cable stretches a spring.
+    pub struct Tether = "tether" {
+        /// Height of the fixed point above the world origin, m; negative if it lies below.
+        height: Span = Span::of(5.0, 15.0), in -1e3, 1e3;
+        /// Horizontal distance of the fixed point from the world origin, m.
+        distance: Span = Span::of(0.0, 8.0), in 0.0, 1e3;
+        /// Length over the distance from the fixed point to the world origin, minus 1.
+        slack: Span = Span::of(0.02, 0.1), in 0.0, 10.0;
+        /// Diameter, m.
+        diameter: f64 = 0.01, in 0.0, 0.5;
+        /// Drag coefficient across the cable.
+        drag: f64 = 1.2, in 0.0, 10.0;
+        /// Weight in water, N per metre; negative if it floats.
+        weight: Span = Span::of(-0.3, 0.3), in -100.0, 100.0;
+        /// Stiffness of the stretched cable: share of the maximum thrust along the weakest axis, per metre.
+        stiffness: f64 = 0.5, in 0.0, 2.0;
+        /// Attachment to the vehicle, body axes, m.
+        attachment: [f64; 3] = [0.0; 3], in -10.0, 10.0;
     }
 }
 
@@ -63,17 +44,6 @@ impl Component for Tether {
     const STREAM: u32 = 36;
     /// Fixed point (3), attachment (3), length, drag `1/2 rho C_D d`, weight, stiffness.
     const ROWS: usize = 10;
-
-    fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.height.check("tether.height", -1e3, 1e3)?;
-        self.distance.check("tether.distance", 0.0, 1e3)?;
-        self.slack.check("tether.slack", 0.0, 10.0)?;
-        check("tether.diameter", self.diameter, 0.0, 0.5)?;
-        check("tether.drag", self.drag, 0.0, 10.0)?;
-        self.weight.check("tether.weight", -100.0, 100.0)?;
-        check("tether.stiffness", self.stiffness, 0.0, 2.0)?;
-        self.attachment.iter().try_for_each(|x| check("tether.attachment", *x, -10.0, 10.0))
-    }
 
     fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, draws: &Draws<'_>) {
         let Draws { stream: draw, context, .. } = draws;

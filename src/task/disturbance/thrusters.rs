@@ -1,36 +1,27 @@
 //! Loss of thrust.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
+use super::component::{Component, Draws, Forcing, Moment, Place, component};
 use super::context::DisturbanceContext;
-use super::span::{Span, check, refuse};
+use super::current::smooth_step;
+use super::span::{Span, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 
-use super::current::smooth_step;
-
-/// Thrusters, drawn at random, that give only a part of the commanded thrust from a time on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ThrusterLoss {
-    /// Number of thrusters.
-    pub count: usize,
-    /// Remaining gain of each one.
-    pub gain: Span,
-    /// Time of the loss, s.
-    pub time: Span,
-    /// Duration of the loss, s.
-    pub fade: f64,
-    /// Remaining gain of each thruster, in the scene's order; in place of `count` and `gain`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gains: Option<Vec<f64>>,
-}
-
-impl Default for ThrusterLoss {
-    fn default() -> Self {
-        Self { count: 1, gain: Span::of(0.3, 0.7), time: Span::of(0.0, 8.0), fade: 0.0, gains: None }
+component! {
+    /// Thrusters, drawn at random, that give only a part of the commanded thrust from a time on.
+    pub struct ThrusterLoss = "thrusters" {
+        /// Number of thrusters.
+        count: usize = 1;
+        /// Remaining gain of each one.
+        gain: Span = Span::of(0.3, 0.7), in 0.0, 2.0;
+        /// Time of the loss, s.
+        time: Span = Span::of(0.0, 8.0), in 0.0, 1e6;
+        /// Duration of the loss, s.
+        fade: f64 = 0.0, in 0.0, 1e6;
+        /// Remaining gain of each thruster, in the scene's order; in place of `count` and `gain`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        gains: Option<Vec<f64>> = None, in 0.0, 2.0;
     }
 }
 
@@ -44,15 +35,13 @@ impl Component for ThrusterLoss {
     const STREAM: u32 = 38;
 
     fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.gain.check("thrusters.gain", 0.0, 2.0)?;
-        self.time.check("thrusters.time", 0.0, 1e6)?;
-        check("thrusters.fade", self.fade, 0.0, 1e6)?;
-        let gains = self.gains.as_deref().unwrap_or_default();
-        if self.gains.is_some() && gains.len() != context.thrusters {
-            let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), context.thrusters);
-            return refuse("thrusters.gains", reason);
+        match &self.gains {
+            Some(gains) if gains.len() != context.thrusters => {
+                let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), context.thrusters);
+                refuse("thrusters.gains", reason)
+            }
+            _ => Ok(()),
         }
-        gains.iter().try_for_each(|gain| check("thrusters.gains", *gain, 0.0, 2.0))
     }
 
     fn rows(_size: usize, context: &DisturbanceContext) -> usize {

@@ -1,11 +1,9 @@
 //! Surface waves.
 
-use serde::{Deserialize, Serialize};
-
 use super::column::Column;
-use super::component::{Component, Draws, Forcing, Moment, Place};
+use super::component::{Component, Draws, Forcing, Moment, Place, component};
 use super::context::DisturbanceContext;
-use super::span::{Span, check, refuse};
+use super::span::{Bounded, Span, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, exp, sin_cos};
 use crate::lie::Vector3;
@@ -13,20 +11,20 @@ use crate::lie::Vector3;
 /// Maximum number of wave trains.
 pub const TRAINS: usize = 3;
 
-/// Waves by linear (Airy) theory in deep water, at the vehicle's place: the water's velocity, and its local
-/// acceleration. The convective term of the acceleration is dropped, the waves are taken to
-/// be long against the vehicle, and the motion decays with depth, `exp(k z)`. The free surface itself is not simulated.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Waves {
-    /// Height from trough to crest of each train, m.
-    pub height: Span,
-    /// Period, s.
-    pub period: Span,
-    /// Depth of the world origin below the surface, m.
-    pub depth: Span,
-    /// Trains of waves, each with its own height, period and direction: 1 to 3.
-    pub trains: usize,
+component! {
+    /// Waves by linear (Airy) theory in deep water, at the vehicle's place: the water's velocity, and its local
+    /// acceleration. The convective term of the acceleration is dropped, the waves are taken to
+    /// be long against the vehicle, and the motion decays with depth, `exp(k z)`. The free surface itself is not simulated.
+    pub struct Waves = "waves" {
+        /// Height from trough to crest of each train, m.
+        height: Span = Span::of(0.2, 0.5), in 0.0, 20.0;
+        /// Period, s.
+        period: Span = Span::of(4.0, 7.0), in 1.0, 60.0;
+        /// Depth of the world origin below the surface, m.
+        depth: Span = Span::of(2.0, 5.0), in 0.0, 1e4;
+        /// Trains of waves, each with its own height, period and direction: 1 to 3.
+        trains: usize = 1;
+    }
 }
 
 /// Minimum angular frequency of a train, rad/s.
@@ -51,12 +49,6 @@ impl<L: Lane> WaveOrbit<L> {
     pub fn zero() -> Self {
         let zero = Vector3::zero();
         Self { displacement: zero, velocity: zero, slope: zero, slope_rate: zero }
-    }
-}
-
-impl Default for Waves {
-    fn default() -> Self {
-        Self { height: Span::of(0.2, 0.5), period: Span::of(4.0, 7.0), depth: Span::of(2.0, 5.0), trains: 1 }
     }
 }
 
@@ -130,14 +122,11 @@ impl Component for Waves {
     const SIZE: &'static str = "waves.trains";
 
     fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
-        self.height.check("waves.height", 0.0, 20.0)?;
-        self.period.check("waves.period", 1.0, 60.0)?;
-        self.depth.check("waves.depth", 0.0, 1e4)?;
         if !(1..=TRAINS).contains(&self.trains) {
             return refuse("waves.trains", format!("{} must be 1 to {TRAINS}", self.trains));
         }
         let steepness = 0.142 * 9.81 * self.period.low * self.period.low / std::f64::consts::TAU;
-        check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)?;
+        self.height.high.check("waves.height (of the shortest waves, which break beyond)", 0.0, steepness)?;
         if context.gravity == 0.0 {
             return refuse("waves", "the scene has no gravity, without which there are none".into());
         }
