@@ -13,6 +13,17 @@ use pyo3::types::PyDict;
 use super::errors::OrRaise;
 use uvms_gym::limits::memory;
 
+/// A dict of values by name.
+macro_rules! dict {
+    ($py:expr; $($name:literal: $value:expr),+ $(,)?) => {{
+        let dict = pyo3::types::PyDict::new($py);
+        $(dict.set_item($name, $value)?;)+
+        dict
+    }};
+}
+
+pub(super) use dict;
+
 /// An optional argument.
 pub type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 

@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::matrix;
+use super::arrays::{dict, matrix};
 use super::computation::interruptible;
 use super::errors::IntoPyErr;
 use super::task::Task;
@@ -37,13 +37,13 @@ impl Task {
         let profile = interruptible(py, || self.batch.profile(i, steps))?.ok_or_else(not_begun)?;
         let Profile { velocity, acceleration, wrench, gains, payload } = profile;
         let (count, period) = (payload.len(), self.batch.task().options().control_period());
-        let result = PyDict::new(py);
-        result.set_item("time", PyArray1::from_iter(py, (step..).take(count).map(|k| f64::from(k) * period)))?;
-        result.set_item("current", matrix(py, velocity.concat(), count)?)?;
-        result.set_item("acceleration", matrix(py, acceleration.concat(), count)?)?;
-        result.set_item("wrench", matrix(py, wrench.concat(), count)?)?;
-        result.set_item("gains", matrix(py, gains.concat(), count)?)?;
-        result.set_item("payload", PyArray1::from_vec(py, payload))?;
-        Ok(result)
+        Ok(dict! { py;
+            "time": PyArray1::from_iter(py, (step..).take(count).map(|k| f64::from(k) * period)),
+            "current": matrix(py, velocity.concat(), count)?,
+            "acceleration": matrix(py, acceleration.concat(), count)?,
+            "wrench": matrix(py, wrench.concat(), count)?,
+            "gains": matrix(py, gains.concat(), count)?,
+            "payload": PyArray1::from_vec(py, payload),
+        })
     }
 }

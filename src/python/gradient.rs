@@ -28,7 +28,7 @@ impl Task {
     /// Frames of all instances now: states and memories (N, .).
     fn frames<'py>(slf: &Bound<'py, Self>) -> PyResult<(Rows<'py, f32>, Rows<'py, f32>)> {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
-        let ([states, memories], n) = (this.batch.frames(), this.batch.instances());
+        let ([states, memories], n) = (this.batch.frames().or_raise()?, this.batch.instances());
         Ok((matrix(py, states, n)?, matrix(py, memories, n)?))
     }
 

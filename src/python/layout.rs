@@ -1,8 +1,9 @@
 //! Layouts of observations, actions and privileged information: lists of dicts with the fields of `Block`.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyList, PyTuple};
 
+use super::arrays::dict;
 use super::task::Task;
 use uvms_gym::task::privileged_layout;
 
@@ -20,15 +21,16 @@ impl<'py> Blocks<'py> {
     /// Appends a block whose entries have these scales and physical ranges.
     fn push(&mut self, name: &str, scale: &[f64], ranges: &[[f64; 2]], unit: &str, text: &str) -> PyResult<()> {
         let py = self.list.py();
-        let block = PyDict::new(py);
-        block.set_item("name", name)?;
-        block.set_item("offset", self.offset)?;
-        block.set_item("length", scale.len())?;
-        block.set_item("scale", PyTuple::new(py, scale)?)?;
-        block.set_item("low", PyTuple::new(py, ranges.iter().map(|range| range[0]))?)?;
-        block.set_item("high", PyTuple::new(py, ranges.iter().map(|range| range[1]))?)?;
-        block.set_item("unit", unit)?;
-        block.set_item("description", text)?;
+        let block = dict! { py;
+            "name": name,
+            "offset": self.offset,
+            "length": scale.len(),
+            "scale": PyTuple::new(py, scale)?,
+            "low": PyTuple::new(py, ranges.iter().map(|range| range[0]))?,
+            "high": PyTuple::new(py, ranges.iter().map(|range| range[1]))?,
+            "unit": unit,
+            "description": text,
+        };
         self.offset += scale.len();
         self.list.append(block)
     }

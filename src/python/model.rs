@@ -37,14 +37,14 @@ impl Simulator {
         Ok(arrays.try_into().expect("K shapes make K arrays"))
     }
 
-    /// One array (N, ...).
-    fn every<'py>(
-        &self,
-        py: Python<'py>,
-        shape: &[usize],
+    /// One array (N, ...) whose rows have a shape that depends on the number of joints.
+    fn every<'py, const D: usize>(
+        slf: &Bound<'py, Self>,
+        shape: impl FnOnce(usize) -> [usize; D],
         f: impl Fn(&ClosedForm) -> Vec<f64> + Sync,
     ) -> PyResult<Array<'py>> {
-        let [array] = self.each(py, [shape], |_, form| Ok([f(form)]))?;
+        let this = shared(slf)?;
+        let [array] = this.each(slf.py(), [&shape(this.inner.joints())], |_, form| Ok([f(form)]))?;
         Ok(array)
     }
 
@@ -113,9 +113,7 @@ impl Simulator {
     /// numpy.ndarray (N, 6 + n, 6 + n)
     ///     Rows and columns of the body twist, about the vehicle's origin, then of the joints; kg, kg m and kg m2.
     fn mass_matrix<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let width = 6 + this.inner.joints();
-        this.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
+        Self::every(slf, |n| [6 + n, 6 + n], |form| by_rows(form.mass_matrix()))
     }
 
     /// The vector C [V; q'] of the absolute velocities: rigid bodies and added mass, current included; no damping, no
@@ -126,8 +124,7 @@ impl Simulator {
     /// numpy.ndarray (N, 6 + n)
     ///     N and N m.
     fn bias<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.every(py, &[6 + this.inner.joints()], |form| form.bias().as_slice().to_vec())
+        Self::every(slf, |n| [6 + n], |form| form.bias().as_slice().to_vec())
     }
 
     /// Influence matrix W of the wrenches on the moving bodies, six columns per body, vehicle first. [HC eq. 13]
@@ -136,9 +133,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n, 6 (n + 1))
     fn wrench_influence<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let n = this.inner.joints();
-        this.every(py, &[6 + n, 6 * (n + 1)], |form| by_rows(&form.wrench_influence()))
+        Self::every(slf, |n| [6 + n, 6 * (n + 1)], |form| by_rows(&form.wrench_influence()))
     }
 
     /// Influence matrix L of the joint torques. [HC eq. 13]
@@ -147,9 +142,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n, n)
     fn torque_influence<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let n = this.inner.joints();
-        this.every(py, &[6 + n, n], |form| by_rows(form.torque_influence()))
+        Self::every(slf, |n| [6 + n, n], |form| by_rows(form.torque_influence()))
     }
 
     /// Wrenches on the moving bodies (vehicle first) in body axes at their frame origins, N and N m. [HC eqs. 21, 26]
@@ -250,8 +243,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6)
     fn momentum<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.every(py, &[6], |form| form.momentum().total().as_slice().to_vec())
+        Self::every(slf, |_| [6], |form| form.momentum().total().as_slice().to_vec())
     }
 
     /// Momentum by its terms, in world axes about the world origin, N s and N m s.
@@ -280,8 +272,7 @@ impl Simulator {
     /// numpy.ndarray (N, n + 1, 4, 4)
     ///     Homogeneous matrices, body to world, m.
     fn body_poses<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.every(py, &[this.inner.joints() + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
+        Self::every(slf, |n| [n + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
     }
 
     /// Pose of the end effector in the world; of the vehicle if there is no arm.
@@ -291,8 +282,7 @@ impl Simulator {
     /// numpy.ndarray (N, 4, 4)
     ///     Homogeneous matrices, end effector to world, m.
     fn end_effector_pose<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.every(py, &[4, 4], |form| pose_rows(&form.end_effector_pose()))
+        Self::every(slf, |_| [4, 4], |form| pose_rows(&form.end_effector_pose()))
     }
 
     /// Body Jacobian of the end effector: its absolute body twist per [V; q']. [MLS94]
@@ -301,9 +291,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6, 6 + n)
     fn jacobian<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let width = 6 + this.inner.joints();
-        this.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
+        Self::every(slf, |n| [6, 6 + n], |form| form.jacobian().transpose().as_slice().to_vec())
     }
 
     /// Equations of motion in Fossen's form, `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`. [F21 sections 6.3, 10.3]

@@ -76,10 +76,7 @@ impl Simulator {
         };
         detached(py, || inner.step_while(&inputs, substeps, &mut go_on))?.or_raise()?;
         interrupt?;
-        while let Some(warning) = inner.warn_of_motion() {
-            warn(py, Some(warning))?;
-        }
-        Ok(())
+        std::iter::from_fn(|| inner.warn_of_motion()).try_for_each(|warning| warn(py, Some(warning)))
     }
 
     /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step` (StepInputs). The

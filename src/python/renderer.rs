@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 
-use super::arrays::{Array, Given, array, count, matrix, read, rows, wrong_shape};
+use super::arrays::{Array, Given, array, count, dict, matrix, read, rows, wrong_shape};
 use super::computation::detached;
 use super::errors::OrRaise;
 use super::inputs::poses;
@@ -267,13 +267,11 @@ impl Renderer {
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Bound<'py, PyAny>,), Bound<'py, PyDict>)> {
-        let options = PyDict::new(py);
-        options.set_item("width", self.width())?;
-        options.set_item("height", self.height())?;
-        options.set_item("azimuth", self.settings.azimuth)?;
-        options.set_item("elevation", self.settings.elevation)?;
-        options.set_item("distance", self.settings.distance)?;
-        options.set_item("floor", self.settings.floor)?;
+        let Settings { size: [width, height], azimuth, elevation, distance, floor } = self.settings;
+        let options = dict! { py;
+            "width": width, "height": height, "azimuth": azimuth,
+            "elevation": elevation, "distance": distance, "floor": floor,
+        };
         Ok(((scene::to_python(&self.scene, py)?,), options))
     }
 }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict, PyString};
 
-use super::arrays::{Given, read as numbers};
+use super::arrays::{Given, dict, read as numbers};
 use super::computation::detached;
 use super::errors::{OrRaise, SceneError};
 use super::scene::{object, read, text, to_python, tree};
@@ -102,11 +102,8 @@ pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound
     };
     let estimate = outline.estimate();
     let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
-    let result = PyDict::new(py);
-    result.set_item("body", object(&body, py)?)?;
-    result.set_item("toml", estimate.to_toml(table))?;
-    result.set_item("formulas", estimate.formulas.into_py_dict(py)?)?;
-    Ok(result)
+    let (body, toml) = (object(&body, py)?, estimate.to_toml(table));
+    Ok(dict! { py; "body": body, "toml": toml, "formulas": estimate.formulas.into_py_dict(py)? })
 }
 
 /// A vehicle with the arm of a URDF file, and what should be known about it; `uvms_gym.import_urdf` documents the arguments.

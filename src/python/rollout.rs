@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use super::arrays::{copied, matrix, wrong_shape};
+use super::arrays::{copied, dict, matrix, wrong_shape};
 use super::computation::exclusive;
 use super::controllers::{Controller, Mlp};
 use super::errors::OrRaise;
@@ -35,13 +35,14 @@ impl Rollout {
     fn traces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let traces = PyList::empty(py);
         for trace in self.rollout.traces() {
-            let (steps, entry) = (trace.rewards.len(), PyDict::new(py));
-            entry.set_item("instance", trace.instance)?;
-            entry.set_item("observations", matrix(py, trace.observations.clone(), steps)?)?;
-            entry.set_item("actions", matrix(py, trace.actions.clone(), steps)?)?;
-            entry.set_item("rewards", PyArray1::from_slice(py, &trace.rewards))?;
-            entry.set_item("info", matrix(py, trace.info.clone(), steps)?)?;
-            traces.append(entry)?;
+            let steps = trace.rewards.len();
+            traces.append(dict! { py;
+                "instance": trace.instance,
+                "observations": matrix(py, trace.observations.clone(), steps)?,
+                "actions": matrix(py, trace.actions.clone(), steps)?,
+                "rewards": PyArray1::from_slice(py, &trace.rewards),
+                "info": matrix(py, trace.info.clone(), steps)?,
+            })?;
         }
         Ok(traces)
     }
@@ -53,15 +54,15 @@ impl Rollout {
         let metrics = |of: &dyn Fn(&RolloutStats) -> &[f64; INFO]| {
             Array2::from_shape_fn((self.metrics, stats.len()), |(k, i)| of(&stats[i])[k]).into_pyarray(py)
         };
-        let result = PyDict::new(py);
-        result.set_item("steps", PyArray1::from_iter(py, stats.iter().map(|one| one.steps)))?;
-        result.set_item("returns", PyArray1::from_iter(py, stats.iter().map(|one| one.reward)))?;
-        result.set_item("terminated", PyArray1::from_iter(py, stats.iter().map(|one| one.terminated)))?;
-        result.set_item("truncated", PyArray1::from_iter(py, stats.iter().map(|one| one.truncated)))?;
-        result.set_item("sums", metrics(&|one| &one.sums))?;
-        result.set_item("squares", metrics(&|one| &one.squares))?;
-        result.set_item("last", metrics(&|one| &one.last))?;
-        Ok(result)
+        Ok(dict! { py;
+            "steps": PyArray1::from_iter(py, stats.iter().map(|one| one.steps)),
+            "returns": PyArray1::from_iter(py, stats.iter().map(|one| one.reward)),
+            "terminated": PyArray1::from_iter(py, stats.iter().map(|one| one.terminated)),
+            "truncated": PyArray1::from_iter(py, stats.iter().map(|one| one.truncated)),
+            "sums": metrics(&|one| &one.sums),
+            "squares": metrics(&|one| &one.squares),
+            "last": metrics(&|one| &one.last),
+        })
     }
 }
 
@@ -106,16 +107,12 @@ impl Task {
         let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let (n, shape) = (this.batch.instances(), noise.shape().to_vec());
         let (actor, takes) = (actor.mlp().clone(), this.batch.task().action_len());
-        if [shape[0], shape[2]] != [n, takes] {
-            return Err(wrong_shape("noise", &shape, &format!("({n}, T, {takes})")));
-        }
+        let steps = match shape[..] {
+            [rows, steps, width] if [rows, width] == [n, takes] => steps,
+            _ => return Err(wrong_shape("noise", &shape, &format!("({n}, T, {takes})"))),
+        };
         let noise = copied(noise)?;
         let teacher = teacher.map(|teacher| teacher.inner.clone());
-        let recording = this.advance(py, f64::INFINITY, |batch| {
-            let teacher = teacher.as_deref().map(|controller| Teacher { controller, acts: teacher_acts });
-            let frames = if frames { batch.frame_widths() } else { [0, 0] };
-            batch.record(Recorder { actor: &actor, noise: &noise, teacher, frames })
-        })?;
         let Recording {
             observations,
             perfect,
@@ -125,20 +122,25 @@ impl Task {
             terminated,
             targets,
             frames: [states, memories],
-        } = recording;
-        let result = PyDict::new(py);
-        result.set_item("observations", cube(py, n, shape[1] + actor.network().history - 1, observations)?)?;
-        result.set_item("perfect", cube(py, n, shape[1] + 1, perfect)?)?;
-        result.set_item("actions", cube(py, n, shape[1], actions)?)?;
-        result.set_item("rewards", matrix(py, rewards, n)?)?;
-        result.set_item("alive", matrix(py, alive, n)?)?;
-        result.set_item("terminated", matrix(py, terminated, n)?)?;
+        } = this.advance(py, f64::INFINITY, |batch| {
+            let teacher = teacher.as_deref().map(|controller| Teacher { controller, acts: teacher_acts });
+            let frames = if frames { batch.frame_widths() } else { [0, 0] };
+            batch.record(Recorder { actor: &actor, noise: &noise, teacher, frames })
+        })?;
+        let result = dict! { py;
+            "observations": cube(py, n, steps + actor.network().history - 1, observations)?,
+            "perfect": cube(py, n, steps + 1, perfect)?,
+            "actions": cube(py, n, steps, actions)?,
+            "rewards": matrix(py, rewards, n)?,
+            "alive": matrix(py, alive, n)?,
+            "terminated": matrix(py, terminated, n)?,
+        };
         if teacher.is_some() {
-            result.set_item("targets", cube(py, n, shape[1], targets)?)?;
+            result.set_item("targets", cube(py, n, steps, targets)?)?;
         }
         if frames {
-            result.set_item("states", cube(py, n, shape[1] + 1, states)?)?;
-            result.set_item("memories", cube(py, n, shape[1] + 1, memories)?)?;
+            result.set_item("states", cube(py, n, steps + 1, states)?)?;
+            result.set_item("memories", cube(py, n, steps + 1, memories)?)?;
         }
         Ok(result)
     }

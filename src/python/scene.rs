@@ -85,7 +85,8 @@ pub fn read_each(
         read(&item?)
     };
     let list = given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>();
-    let mut scenes = if list { given.try_iter()?.map(each).collect::<PyResult<_>>()? } else { vec![read(given)?] };
+    let scenes: Vec<Scene> =
+        if list { given.try_iter()?.map(each).collect::<PyResult<_>>()? } else { vec![read(given)?] };
     let Some(parameters) = parameters.filter(|parameters| !parameters.is_empty()) else { return Ok(scenes) };
     let mut columns = Vec::new();
     let mut count = if list { Some(scenes.len()) } else { instances };
@@ -106,22 +107,16 @@ pub fn read_each(
         columns.push((name, shape, numbers));
     }
     let keys: Vec<String> = columns.iter().map(|(name, ..)| name.clone()).collect();
-    let count = count.unwrap_or(1);
-    if !list {
-        let editor = SceneEditor::new(&scenes[0], keys).or_raise()?;
-        let edit = |i| {
-            given.py().check_signals()?;
-            edited(&editor, &columns, i).or_raise()
-        };
-        scenes = (0..count).map(edit).collect::<PyResult<_>>()?;
-        return Ok(scenes);
-    }
-    let edit = |(i, scene): (usize, &Scene)| edited(&SceneEditor::new(scene, keys.clone())?, &columns, i);
-    let edit = |all| {
+    let editor = |scene: &Scene| SceneEditor::new(scene, keys.clone()).or_raise();
+    let shared = if list { None } else { Some(editor(&scenes[0])?) };
+    let edit = |i: usize| {
         given.py().check_signals()?;
-        edit(all).or_raise()
+        match &shared {
+            Some(editor) => edited(editor, &columns, i).or_raise(),
+            None => edited(&editor(&scenes[i])?, &columns, i).or_raise(),
+        }
     };
-    scenes.iter().enumerate().map(edit).collect()
+    (0..count.unwrap_or(1)).map(edit).collect()
 }
 
 /// Name, shape and numbers of a parameter.

@@ -4,7 +4,7 @@ use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{Array, Given, array, count, name_of, one_of, read, wrong_shape};
+use super::arrays::{Array, Given, array, count, dict, name_of, one_of, read, wrong_shape};
 use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::scene;
@@ -116,6 +116,14 @@ fn prescribe(scene: &mut Scene, given: &Bound<'_, PyAny>) -> PyResult<()> {
         joints[k].prescribed = true;
     }
     Ok(())
+}
+
+impl Simulator {
+    /// A copy of a simulator with its present state.
+    pub(super) fn copy_of(simulator: &batch::Simulator) -> PyResult<Self> {
+        memory::check("the copy", &[simulator.instances(), simulator.bytes_per_instance()]).or_raise()?;
+        Ok(Self { inner: simulator.clone() })
+    }
 }
 
 #[pymethods]
@@ -323,8 +331,7 @@ impl Simulator {
     }
 
     fn __copy__(&self) -> PyResult<Self> {
-        memory::check("the copy", &[self.num_envs(), self.inner.bytes_per_instance()]).or_raise()?;
-        Ok(Self { inner: self.inner.clone() })
+        Self::copy_of(&self.inner)
     }
 
     fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -332,14 +339,11 @@ impl Simulator {
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        let options = PyDict::new(py);
-        options.set_item("dt", self.dt())?;
-        options.set_item("integrator", self.integrator())?;
-        options.set_item("dtype", self.dtype())?;
-        options.set_item("threads", self.inner.options().threads)?;
-        options.set_item("gamma", self.gamma())?;
-        options.set_item("tolerance", self.tolerance())?;
-        options.set_item("error_estimate", self.inner.options().error_estimate)?;
+        let SimulatorOptions { dt, integrator, gamma, tolerance, threads, error_estimate, .. } = self.inner.options();
+        let options = dict! { py;
+            "dt": dt, "integrator": integrator, "dtype": self.dtype(), "threads": threads,
+            "gamma": gamma, "tolerance": tolerance, "error_estimate": error_estimate,
+        };
         let scene = match self.inner.scenes() {
             Some(_) => self.scenes(py)?.into_pyobject(py)?.into_any(),
             None => self.scene(py)?,

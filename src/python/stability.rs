@@ -8,7 +8,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyComplex, PyDict};
 
-use super::arrays::{Given, read, wrong_shape};
+use super::arrays::{Given, dict, read, wrong_shape};
 use super::computation::detached;
 use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
@@ -26,19 +26,15 @@ use uvms_gym::integrate::{Integrator, NamedIntegrator, Purpose};
 ///     sub-intervals by their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let entry = |entry: NamedIntegrator| {
-        let kind = match entry.purpose {
-            Purpose::Production => "production",
-            Purpose::Baseline => "baseline",
-        };
-        let dict = PyDict::new(py);
-        dict.set_item("name", entry.name)?;
-        dict.set_item("summary", entry.summary)?;
-        dict.set_item("order", entry.integrator.order())?;
-        dict.set_item("kind", kind)?;
-        dict.set_item("adaptive", entry.integrator.adaptive())?;
-        dict.set_item("implicit", entry.integrator.implicit())?;
-        Ok(dict)
+    let entry = |NamedIntegrator { name, summary, integrator, purpose, .. }: NamedIntegrator| {
+        Ok(dict! { py;
+            "name": name,
+            "summary": summary,
+            "order": integrator.order(),
+            "kind": match purpose { Purpose::Production => "production", Purpose::Baseline => "baseline" },
+            "adaptive": integrator.adaptive(),
+            "implicit": integrator.implicit(),
+        })
     };
     Integrator::NAMES.into_iter().map(entry).collect()
 }
@@ -139,14 +135,14 @@ impl Simulator {
         let mut list = Vec::new();
         for mode in self.analyse(py, speed, |analysis| analysis.modes(servos))? {
             let Complex { re, im } = mode.rate;
-            let entry = PyDict::new(py);
-            entry.set_item("rate", PyComplex::from_doubles(py, re, im))?;
-            entry.set_item("time_constant", 1.0 / re.abs())?;
-            entry.set_item("period", std::f64::consts::TAU / im.abs())?;
-            entry.set_item("what", mode.what)?;
-            entry.set_item("where", mode.place)?;
-            entry.set_item("end_stop", mode.stop)?;
-            list.push(entry);
+            list.push(dict! { py;
+                "rate": PyComplex::from_doubles(py, re, im),
+                "time_constant": 1.0 / re.abs(),
+                "period": std::f64::consts::TAU / im.abs(),
+                "what": mode.what,
+                "where": mode.place,
+                "end_stop": mode.stop,
+            });
         }
         Ok(list)
     }

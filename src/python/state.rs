@@ -4,29 +4,24 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Array, Given, array, optional_rows};
+use super::arrays::{Array, Given, array, dict, optional_rows};
 use super::computation::{exclusive, shared};
 use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::batch::{self, States};
-use uvms_gym::system::{State, quaternion};
+use uvms_gym::system::quaternion;
 
-impl Simulator {
-    /// Array (N, ...) of numbers of every instance's state.
-    fn gather<'py, I: IntoIterator<Item = f64>>(
-        &self,
-        py: Python<'py>,
-        row: &[usize],
-        numbers: impl Fn(&State, usize) -> I,
-    ) -> PyResult<Array<'py>> {
-        let instances = self.inner.instances();
-        let shape = [&[instances], row].concat();
-        let mut out = Vec::with_capacity(shape.iter().product());
-        for i in 0..instances {
-            out.extend(numbers(&self.inner.state(i), i));
-        }
-        array(py, &shape, out)
-    }
+/// Array (N, ...) of numbers of every instance, each of the shape `row`; of any number in a row where None.
+fn gather<'py, I: IntoIterator<Item = f64>>(
+    slf: &Bound<'py, Simulator>,
+    row: Option<&[usize]>,
+    numbers: impl Fn(&batch::Simulator, usize) -> I,
+) -> PyResult<Array<'py>> {
+    let this = &shared(slf)?.inner;
+    let instances = this.instances();
+    let all: Vec<f64> = (0..instances).flat_map(|i| numbers(this, i)).collect();
+    let shape = [&[instances], row.unwrap_or(&[all.len() / instances])].concat();
+    array(slf.py(), &shape, all)
 }
 
 /// Estimates of all instances by name.
@@ -36,16 +31,15 @@ pub fn error_estimate<'py>(simulator: &batch::Simulator, py: Python<'py>) -> PyR
     };
     let (n, joints) = (estimates.len(), simulator.joints());
     let column = |of: &dyn Fn(&batch::ErrorEstimate) -> f64| array(py, &[n], estimates.iter().map(of).collect());
-    let result = PyDict::new(py);
-    result.set_item("position", column(&|e| e.position)?)?;
-    result.set_item("attitude", column(&|e| e.attitude)?)?;
-    result.set_item("q", array(py, &[n, joints], estimates.iter().flat_map(|e| e.q[..joints].to_vec()).collect())?)?;
-    result.set_item("end_effector_position", column(&|e| e.end_effector_position)?)?;
-    result.set_item("end_effector_attitude", column(&|e| e.end_effector_attitude)?)?;
-    result.set_item("relative", column(&|e| e.relative)?)?;
-    let known: Vec<bool> = estimates.iter().map(batch::ErrorEstimate::known).collect();
-    result.set_item("known", numpy::PyArray1::from_vec(py, known))?;
-    Ok(result)
+    Ok(dict! { py;
+        "position": column(&|e| e.position)?,
+        "attitude": column(&|e| e.attitude)?,
+        "q": array(py, &[n, joints], estimates.iter().flat_map(|e| e.q[..joints].to_vec()).collect())?,
+        "end_effector_position": column(&|e| e.end_effector_position)?,
+        "end_effector_attitude": column(&|e| e.end_effector_attitude)?,
+        "relative": column(&|e| e.relative)?,
+        "known": numpy::PyArray1::from_iter(py, estimates.iter().map(batch::ErrorEstimate::known)),
+    })
 }
 
 #[pymethods]
@@ -53,63 +47,53 @@ impl Simulator {
     /// numpy.ndarray (N, 3): vehicle origin in the world, m.
     #[getter]
     fn position<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[3], |state, _| <[f64; 3]>::from(state.position))
+        gather(slf, Some(&[3]), |simulator, i| <[f64; 3]>::from(simulator.state(i).position))
     }
 
     /// numpy.ndarray (N, 3, 3): rotation matrix of the vehicle, body to world.
     #[getter]
     fn rotation<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[3, 3], |state, _| state.rotation.transpose().as_slice().to_vec())
+        gather(slf, Some(&[3, 3]), |simulator, i| simulator.state(i).rotation.transpose().as_slice().to_vec())
     }
 
     /// numpy.ndarray (N, 4): unit quaternion [w, x, y, z] of the vehicle, w >= 0, body to world. The quaternion
     /// integrators return theirs unchanged: of either sign, and only approximately of unit length. [HC eq. 14]
     #[getter]
     fn quaternion<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let kept = |i| this.inner.kept_quaternion(i);
-        this.gather(py, &[4], |state, i| kept(i).unwrap_or_else(|| quaternion(&state.rotation)))
+        gather(slf, Some(&[4]), |simulator, i| {
+            simulator.kept_quaternion(i).unwrap_or_else(|| quaternion(&simulator.state(i).rotation))
+        })
     }
 
     /// numpy.ndarray (N, 6): absolute body twist [v; omega] of the vehicle, m/s and rad/s.
     #[getter]
     fn twist<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[6], |state, _| <[f64; 6]>::from(state.twist))
+        gather(slf, Some(&[6]), |simulator, i| <[f64; 6]>::from(simulator.state(i).twist))
     }
 
     /// numpy.ndarray (N, n): joint coordinates, rad or m.
     #[getter]
     fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let n = this.inner.joints();
-        this.gather(py, &[n], |state, _| state.q.into_iter().take(n))
+        gather(slf, None, |simulator, i| simulator.state(i).q[..simulator.joints()].to_vec())
     }
 
     /// numpy.ndarray (N, n): joint rates, rad/s or m/s.
     #[getter]
     fn qd<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let n = this.inner.joints();
-        this.gather(py, &[n], |state, _| state.qd.into_iter().take(n))
+        gather(slf, None, |simulator, i| simulator.state(i).qd[..simulator.joints()].to_vec())
     }
 
     /// numpy.ndarray (N, m): thrust of each thruster in still water, N: the state of thrusters with dynamics (`lag`,
     /// `dead_band`, `map` or `ambient_flow` in the scene). 0 in scenes without.
     #[getter]
     fn thrust<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let m = this.inner.allocation().count();
-        this.gather(py, &[m], |state, _| state.thrust.into_iter().take(m))
+        gather(slf, None, |simulator, i| simulator.state(i).thrust.into_iter().take(simulator.allocation().count()))
     }
 
     /// numpy.ndarray (N,): time, s.
     #[getter]
     fn time<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[], |state, _| [state.time])
+        gather(slf, Some(&[]), |simulator, i| [simulator.state(i).time])
     }
 
     /// numpy.ndarray (N,): h*lambda, dt times the fastest rate (1/s) that the motion of each instance excites, estimated from
@@ -118,9 +102,7 @@ impl Simulator {
     /// dt is the sub-interval that they choose.
     #[getter]
     fn stiffness<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let instances = this.inner.instances();
-        array(py, &[instances], (0..instances).map(|i| this.inner.stiffness(i)).collect())
+        gather(slf, Some(&[]), |simulator, i| [simulator.stiffness(i)])
     }
 
     /// numpy.ndarray (N,): relative velocity error of the last thirty steps or so of each instance: the sum of the errors
@@ -128,23 +110,19 @@ impl Simulator {
     /// Integrators of one stage have only the error of spinning; "mk54", which controls its error, has 0.
     #[getter]
     fn step_error<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        let instances = this.inner.instances();
-        array(py, &[instances], (0..instances).map(|i| this.inner.step_error(i)).collect())
+        gather(slf, Some(&[]), |simulator, i| [simulator.step_error(i)])
     }
 
     /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
     #[getter]
     fn current<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[3], |_, i| <[f64; 3]>::from(this.inner.flow(i).velocity))
+        gather(slf, Some(&[3]), |simulator, i| <[f64; 3]>::from(simulator.flow(i).velocity))
     }
 
     /// numpy.ndarray (N, 3): acceleration of the water in the world, m/s^2.
     #[getter]
     fn current_acceleration<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        let (this, py) = (shared(slf)?, slf.py());
-        this.gather(py, &[3], |_, i| <[f64; 3]>::from(this.inner.flow(i).acceleration))
+        gather(slf, Some(&[3]), |simulator, i| <[f64; 3]>::from(simulator.flow(i).acceleration))
     }
 
     /// Set parts of the state; parts that are not given do not change.

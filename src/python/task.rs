@@ -6,7 +6,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{self, Row, Rows, copied, matrix, name_of, one_of};
+use super::arrays::{self, Row, Rows, copied, dict, matrix, name_of, one_of};
 use super::computation::{detached, exclusive, interruptible};
 use super::errors::OrRaise;
 use super::outputs::StepArrays;
@@ -17,7 +17,7 @@ use super::{scene, starts};
 use uvms_gym::batch::{Autoreset, Outputs, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
 use uvms_gym::limits::memory;
-use uvms_gym::task::{INFO, METRICS, Metrics, TASKS, TaskOptions};
+use uvms_gym::task::{Episode, INFO, METRICS, Metrics, TASKS, TaskOptions};
 
 /// Steps of instances that are too short to interrupt: some ten milliseconds.
 const SHORT: f64 = 65536.0;
@@ -129,9 +129,7 @@ impl Task {
 
     /// Simulator with a copy of the current state.
     fn snapshot(&self) -> PyResult<Simulator> {
-        let simulator = self.batch.simulator();
-        memory::check("the copy", &[simulator.instances(), simulator.bytes_per_instance()]).or_raise()?;
-        Ok(Simulator { inner: simulator.clone() })
+        Simulator::copy_of(self.batch.simulator())
     }
 
     /// Maximum magnitude of each entry of an observation, (d,).
@@ -244,14 +242,15 @@ impl Task {
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
         let (batch, simulator) = (&self.batch, self.batch.simulator().options());
-        let options = PyDict::new(py);
-        options.set_item("num_envs", batch.instances())?;
-        options.set_item("integrator", &simulator.integrator)?;
-        options.set_item("dtype", name_of(simulator.precision, DTYPES))?;
-        options.set_item("threads", simulator.threads)?;
-        options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
-        options.set_item("max_episode_steps", batch.max_steps())?;
-        options.set_item("error_estimate", simulator.error_estimate)?;
+        let options = dict! { py;
+            "num_envs": batch.instances(),
+            "integrator": &simulator.integrator,
+            "dtype": name_of(simulator.precision, DTYPES),
+            "threads": simulator.threads,
+            "autoreset": name_of(batch.autoreset(), MODES),
+            "max_episode_steps": batch.max_steps(),
+            "error_estimate": simulator.error_estimate,
+        };
         let task = scene::object(&batch.task().options().to_value().or_raise()?, py)?;
         Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
     }
@@ -262,21 +261,19 @@ impl Task {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
         let all: Vec<_> = all.collect::<Result<_, _>>().or_raise()?;
-        let gather =
-            |of: &dyn Fn(&uvms_gym::task::Episode) -> Vec<f64>| matrix(py, all.iter().flat_map(of).collect(), n);
-        let result = PyDict::new(py);
-        result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
-        result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
-        result.set_item("step", PyArray1::from_iter(py, all.iter().map(|e| e.step())))?;
-        result.set_item("target_position", gather(&|e| e.target().position.iter().copied().collect())?)?;
-        let rotation = gather(&|e| e.target().rotation.transpose().iter().copied().collect())?;
-        result.set_item("target_rotation", rotation.call_method1("reshape", (n, 3, 3))?)?;
-        result.set_item("current", gather(&|e| e.current().iter().copied().collect())?)?;
-        result.set_item("action", gather(&|e| e.action().to_vec())?)?;
-        result.set_item("joint_reference", gather(&|e| e.reference().iter().map(|r| r.value).collect())?)?;
-        let rates = gather(&|e| e.reference().iter().map(|r| r.rate).collect())?;
-        result.set_item("joint_reference_rate", rates)?;
-        Ok(result)
+        let gather = |of: &dyn Fn(&Episode) -> Vec<f64>| matrix(py, all.iter().flat_map(of).collect(), n);
+        let rotation = gather(&|e| e.target().rotation.transpose().as_slice().to_vec())?;
+        Ok(dict! { py;
+            "seed": PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)),
+            "episode": PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)),
+            "step": PyArray1::from_iter(py, all.iter().map(|e| e.step())),
+            "target_position": gather(&|e| e.target().position.as_slice().to_vec())?,
+            "target_rotation": rotation.call_method1("reshape", (n, 3, 3))?,
+            "current": gather(&|e| e.current().as_slice().to_vec())?,
+            "action": gather(&|e| e.action().to_vec())?,
+            "joint_reference": gather(&|e| e.reference().iter().map(|r| r.value).collect())?,
+            "joint_reference_rate": gather(&|e| e.reference().iter().map(|r| r.rate).collect())?,
+        })
     }
 
     /// Points along the reference paths of the end effectors, (N, count, 3); count is 0 for tasks without a path.
@@ -304,9 +301,7 @@ impl Task {
             false => detached(py, || steps(batch)),
         };
         let result = result?.or_raise()?;
-        while let Some(warning) = batch.warn_of_motion() {
-            warn(py, Some(warning))?;
-        }
+        std::iter::from_fn(|| batch.warn_of_motion()).try_for_each(|warning| warn(py, Some(warning)))?;
         Ok(result)
     }
 

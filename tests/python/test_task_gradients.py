@@ -92,6 +92,18 @@ def test_late_measurements_are_inputs_of_their_own() -> None:
     assert not other["state"][:, :width].any() and other["measurement"][:, :width].any()
 
 
+@pytest.mark.parametrize("routine", ["forces", "jacobians"])
+def test_forces_and_jacobians_need_an_episode_and_finite_actions(routine: str) -> None:
+    envs: Any = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=N).unwrapped
+    actions = np.zeros((N, 6), np.float32)
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"instance 0 was never reset: call reset\(\) first"):
+        getattr(envs, routine)(actions)
+    envs.reset(seed=0)
+    actions[1, 4] = np.nan
+    with pytest.raises(ValueError, match="action 4 of instance 1 is NaN: must be finite"):
+        getattr(envs, routine)(actions)
+
+
 def test_wrong_frames_are_refused() -> None:
     envs, _, actions = prepared("UVMS-StationKeep-v0", action="residual")
     with pytest.raises(ValueError, match="give its observations"):

@@ -276,7 +276,9 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         Raises
         ------
         ValueError
-            The shape is wrong, or residual actions lack `observations`.
+            The shape is wrong, an action is not finite, or residual actions lack `observations`.
+        gymnasium.error.ResetNeeded
+            There is no episode.
         """
         given = as_actions(actions, (self.num_envs, *self._action_shape))
         return self._native.forces(self._native.frames()[1], given, self._base(observations))[0]
@@ -308,7 +310,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         Raises
         ------
         ValueError
-            The shape is wrong, or residual actions lack `observations`.
+            The shape is wrong, an action is not finite, or residual actions lack `observations`.
         gymnasium.error.ResetNeeded
             There is no episode, or one is over.
         """

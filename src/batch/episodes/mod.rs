@@ -305,8 +305,12 @@ impl TaskBatch {
 
     /// Frames of all instances, for gradients: memories (N, .), and states (N, .) with rotation by rows (9), position, twist, joint
     /// coordinates and rates, current, its acceleration, and thrusts of thrusters with dynamics.
-    pub fn frames(&mut self) -> [Vec<f32>; 2] {
-        self.storage.frames(&mut self.simulator)
+    ///
+    /// # Errors
+    /// [`TaskError::NotBegun`] before the first reset.
+    pub fn frames(&mut self) -> Result<[Vec<f32>; 2], TaskError> {
+        self.check_begun()?;
+        Ok(self.storage.frames(&mut self.simulator))
     }
 
     /// Numbers of entries of a frame's state and memory.

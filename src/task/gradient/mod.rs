@@ -28,7 +28,8 @@ use crate::lane::Rows;
 pub trait TaskGradient {
     /// Numbers of coordinates.
     fn widths(&self) -> GradientWidths;
-    /// Forces (k, f), and servo targets of the joints (k, 4 n): see [`Command`].
+    /// Forces (k, f), and servo targets of the joints (k, 4 n): see [`Command`]. `TaskError::Action` for an action that is not
+    /// finite.
     fn forces(&self, frames: &Acted<'_>) -> Result<[Vec<f64>; 2], TaskError>;
     /// Cotangents of `[action, base, memory]` before [`TaskKernel::act`] from the cotangents of `[force, memory]` after it.
     fn act_vjp(&self, frames: &Acted<'_>, cotangents: &[f64]) -> Result<Vec<f64>, TaskError>;
@@ -53,7 +54,11 @@ impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
 
     fn forces(&self, frames: &Acted<'_>) -> Result<[Vec<f64>; 2], TaskError> {
         frames.check(&self.widths(), None)?;
-        let (GradientWidths { rows, action: a, force, .. }, thrusters) = (self.widths(), self.actuation.thrusters());
+        let a = self.rows.actions;
+        if let Some(at) = frames.actions.iter().position(|action| !action.is_finite()) {
+            return Err(TaskError::Action { instance: at / a, index: at % a, value: frames.actions[at] as f32 });
+        }
+        let (GradientWidths { rows, force, .. }, thrusters) = (self.widths(), self.actuation.thrusters());
         let (mut forces, mut targets, mut memory) = (Vec::new(), Vec::new(), Vec::new());
         for (i, actions) in frames.actions.chunks_exact(a).enumerate() {
             memory.clear();
