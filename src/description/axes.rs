@@ -6,12 +6,14 @@
 //! rates, axes of rotation and roll, pitch and yaw of frames transform like any vector; angles about axes and diagonal
 //! matrices stay as they are.
 
+use std::collections::BTreeSet;
+
 use toml::Value;
 
-use super::{Body, Scene, Shape, Thruster, Vehicle, path};
+use super::{Body, Scene, Thruster, path};
 use crate::error::Problem;
 use crate::keys::{Fault, flip, flip_matrix, flip_six};
-use crate::terms::PerTerm;
+use crate::terms::TERMS;
 
 /// Key that states the axes of a table.
 const KEY: &str = "axes";
@@ -26,84 +28,76 @@ fn stated(table: &mut Value, key: &str) -> Result<Option<bool>, Fault> {
     }
 }
 
-/// Axes of a table, else of the enclosing one; true for NED.
-fn table(root: &mut Value, keys: [&str; 2], enclosing: bool) -> Result<bool, Fault> {
-    let found = root.get_mut(keys[0]).and_then(|table| table.get_mut(keys[1]));
-    let own = found.map_or(Ok(None), |table| stated(table, &keys.join(".")))?;
-    Ok(own.unwrap_or(enclosing))
-}
-
-/// Axes of a table or of the elements of a list of tables, one entry for each.
-pub fn tables(root: &mut Value, keys: [&str; 2], enclosing: bool) -> Result<Vec<bool>, Fault> {
-    if root.get(keys[0]).and_then(|table| table.get(keys[1])).is_some_and(Value::is_array) {
-        return list(root, keys, None, enclosing);
-    }
-    Ok(vec![table(root, keys, enclosing)?])
-}
-
-/// Axes of the elements of a list of tables, or of a table in each of them, else of the enclosing table; true for NED.
-fn list(root: &mut Value, keys: [&str; 2], inner: Option<&str>, enclosing: bool) -> Result<Vec<bool>, Fault> {
-    let elements = root.get_mut(keys[0]).and_then(|table| table.get_mut(keys[1])).and_then(Value::as_array_mut);
-    let axes = elements.into_iter().flatten().enumerate().map(|(i, element)| {
-        let element_key = format!("{}[{i}]", keys.join("."));
-        let own = match inner {
-            None => stated(element, &element_key),
-            Some(inner) => {
-                element.get_mut(inner).map_or(Ok(None), |table| stated(table, &path::join(&element_key, inner)))
-            }
-        };
-        Ok(own?.unwrap_or(enclosing))
-    });
-    axes.collect()
-}
-
-/// Tables of a scene in NED axes.
-#[derive(Debug)]
-pub struct NedTables {
-    vehicle: bool,
-    body: bool,
-    thrusters: Vec<bool>,
-    terms: PerTerm<Vec<bool>>,
-    base: bool,
-    links: Vec<bool>,
-    payload: bool,
-}
+/// Tables of a scene in NED axes: key of the table or of the list of tables, and index in the list, 0 for a single table.
+#[derive(Debug, Default)]
+pub struct NedTables(BTreeSet<(String, usize)>);
 
 impl NedTables {
     /// Removes the keys `axes` from a scene's tree of values.
     ///
     /// `vehicle.axes` holds for all tables of the vehicle; each body, thruster and table of a term may state its own.
     pub fn take(tree: &mut Value) -> Result<Self, Fault> {
-        let vehicle = tree.get_mut("vehicle").map_or(Ok(None), |table| stated(table, "vehicle"))?.unwrap_or(false);
-        Ok(Self {
-            vehicle,
-            body: table(tree, ["vehicle", "body"], vehicle)?,
-            thrusters: list(tree, ["vehicle", "thrusters"], None, vehicle)?,
-            terms: Vehicle::take_term_axes(tree, vehicle)?,
-            base: table(tree, ["arm", "base"], false)?,
-            links: list(tree, ["arm", "links"], Some("body"), false)?,
-            payload: table(tree, ["payload", "body"], false)?,
-        })
+        let mut ned = Self::default();
+        ned.read(tree, "vehicle", None, false)?;
+        let vehicle = ned.has("vehicle", 0);
+        ned.read(tree, "vehicle.body", None, vehicle)?;
+        ned.read(tree, "vehicle.thrusters", None, vehicle)?;
+        TERMS.iter().try_for_each(|(name, _)| ned.read(tree, &format!("vehicle.{name}"), None, vehicle))?;
+        ned.read(tree, "arm.base", None, false)?;
+        ned.read(tree, "arm.links", Some("body"), false)?;
+        ned.read(tree, "payload.body", None, false)?;
+        Ok(ned)
+    }
+
+    /// Reads the axes of a table or of each table of a list, or of the table `inner` in it; `enclosing` where it states none.
+    fn read(&mut self, tree: &mut Value, key: &str, inner: Option<&str>, enclosing: bool) -> Result<(), Fault> {
+        let elements: Vec<(String, &mut Value)> = match key.split('.').try_fold(tree, |node, step| node.get_mut(step)) {
+            None => Vec::new(),
+            Some(Value::Array(list)) => list.iter_mut().enumerate().map(|(i, e)| (format!("{key}[{i}]"), e)).collect(),
+            Some(table) => vec![(key.to_owned(), table)],
+        };
+        for (i, (element_key, element)) in elements.into_iter().enumerate() {
+            let own = match inner {
+                None => stated(element, &element_key)?,
+                Some(inner) => {
+                    let table = element.get_mut(inner);
+                    table.map_or(Ok(None), |table| stated(table, &path::join(&element_key, inner)))?
+                }
+            };
+            if own.unwrap_or(enclosing) {
+                self.0.insert((key.to_owned(), i));
+            }
+        }
+        Ok(())
+    }
+
+    /// True where a table, or a table of a list, is in NED axes.
+    pub fn has(&self, key: &str, i: usize) -> bool {
+        self.0.contains(&(key.to_owned(), i))
     }
 
     /// Converts these tables of a scene to the project's axes.
     pub fn convert(&self, scene: &mut Scene) {
+        let body = |key: &str, i: usize, body: &mut Body| {
+            if self.has(key, i) {
+                convert_body(body);
+            }
+        };
         let vehicle = &mut scene.vehicle;
-        convert(self.body, Some(&mut vehicle.body), convert_body);
-        convert(self.vehicle, vehicle.shape.as_mut(), |shape: &mut Shape| flip(&mut shape.position));
-        vehicle.convert_term_axes(&self.terms);
-        vehicle.thrusters.iter_mut().zip(&self.thrusters).for_each(|(t, &ned)| convert(ned, Some(t), convert_thruster));
-        if let Some(arm) = &mut scene.arm {
-            convert(self.base, arm.base.as_mut(), convert_body);
-            arm.links.iter_mut().zip(&self.links).for_each(|(l, &ned)| convert(ned, Some(&mut l.body), convert_body));
+        body("vehicle.body", 0, &mut vehicle.body);
+        if let (Some(shape), true) = (&mut vehicle.shape, self.has("vehicle", 0)) {
+            flip(&mut shape.position);
         }
-        convert(self.payload, scene.payload.as_mut().map(|payload| &mut payload.body), convert_body);
-    }
-}
-
-fn convert<T>(ned: bool, table: Option<&mut T>, conversion: impl Fn(&mut T)) {
-    if ned {
-        table.into_iter().for_each(conversion);
+        vehicle.convert_term_axes(self);
+        let thrusters = vehicle.thrusters.iter_mut().enumerate();
+        thrusters
+            .filter(|(i, _)| self.has("vehicle.thrusters", *i))
+            .for_each(|(_, thruster)| convert_thruster(thruster));
+        if let Some(arm) = &mut scene.arm {
+            arm.base.iter_mut().for_each(|base| body("arm.base", 0, base));
+            arm.links.iter_mut().enumerate().for_each(|(i, link)| body("arm.links", i, &mut link.body));
+        }
+        scene.payload.iter_mut().for_each(|payload| body("payload.body", 0, &mut payload.body));
     }
 }
 

@@ -82,10 +82,10 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     check_axis(&joint.axis, || format!("{key}.axis"))?;
     let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
     let friction = &joint.friction;
+    let (rotor_inertia, effort) = (joint.rotor_inertia, joint.effort.unwrap_or(0.0));
     check_not_negative(key, [("friction.viscous", friction.viscous), ("friction.coulomb", friction.coulomb)])?;
-    check_not_negative(key, [("rotor_inertia", joint.rotor_inertia)])?;
-    above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
-    check_not_negative(key, [("effort", joint.effort.unwrap_or(0.0))])?;
+    check_not_negative(key, [("rotor_inertia", rotor_inertia), ("effort", effort)])?;
+    above_zero("friction.coulomb_speed", friction.coulomb_speed)?;
     if let Some(linear) = &joint.actuator {
         actuator(linear, joint, &format!("{key}.actuator"))?;
     }
@@ -165,26 +165,17 @@ impl Scene {
             return Err(Fault::new("arm.links", Problem::TooMany { found: arm.links.len(), max: MAX_LINKS }));
         }
         check_names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
-        if let Some(q0) = &arm.mount.joint {
-            joint(q0, "arm.mount.joint")?;
-            if arm.base.is_none() {
-                return Err(Fault::new("arm.base", Problem::MasslessBase));
-            }
+        if arm.mount.joint.is_some() && arm.base.is_none() {
+            return Err(Fault::new("arm.base", Problem::MasslessBase));
         }
-        for (i, link) in arm.links.iter().enumerate() {
-            joint(&link.joint, &format!("arm.links[{i}].joint"))?;
-        }
-        Ok(())
+        self.joints().zip(self.joint_keys()).try_for_each(|(q, key)| joint(q, &key))
     }
 
     /// Normalises axes and makes symmetric matrices exactly symmetric. Idempotent.
     pub(super) fn make_canonical(&mut self) {
         self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
         self.vehicle.normalise_terms();
-        if let Some(arm) = &mut self.arm {
-            let joints = arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint));
-            joints.for_each(|joint| normalise(&mut joint.axis));
-        }
+        self.joints_mut().for_each(|joint| normalise(&mut joint.axis));
         for body in self.bodies_mut() {
             body.inertia = (body.inertia + body.inertia.transpose()) / 2.0;
             body.added_mass = (body.added_mass + body.added_mass.transpose()) / 2.0;

@@ -94,35 +94,35 @@ pub fn coverage(pattern: &[Step], path: &[Step], root: &Value) -> Option<(usize,
     Some((covered, elements))
 }
 
+/// Passes every node below `node`, lists as a whole where `is_leaf` says so, with its path.
+fn walk(node: &Value, path: String, is_leaf: fn(&Value) -> bool, visit: &mut impl FnMut(String, &Value)) {
+    match node {
+        leaf if is_leaf(leaf) => visit(path, leaf),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, e)| walk(e, format!("{path}[{i}]"), is_leaf, visit));
+        }
+        Value::Table(table) => table.iter().for_each(|(key, e)| walk(e, join(&path, key), is_leaf, visit)),
+        _ => {}
+    }
+}
+
 /// Every number below `node`, with its path.
 pub fn numbers(node: &Value) -> Vec<(String, f64)> {
-    fn walk(node: &Value, path: String, out: &mut Vec<(String, f64)>) {
-        match node {
-            Value::Float(x) => out.push((path, *x)),
-            Value::Integer(i) => out.push((path, *i as f64)),
-            Value::Array(list) => list.iter().enumerate().for_each(|(i, e)| walk(e, format!("{path}[{i}]"), out)),
-            Value::Table(table) => table.iter().for_each(|(key, e)| walk(e, join(&path, key), out)),
-            _ => {}
-        }
-    }
     let mut out = Vec::new();
-    walk(node, String::new(), &mut out);
+    walk(node, String::new(), |leaf| leaf.is_float() || leaf.is_integer(), &mut |path, leaf| {
+        let number = leaf.as_float().or(leaf.as_integer().map(|i| i as f64));
+        out.extend(number.map(|x| (path, x)));
+    });
     out
 }
 
 /// Every key below `node` that holds numbers: one, or a list of them.
 pub fn keys(node: &Value) -> Vec<String> {
-    fn walk(node: &Value, path: String, out: &mut Vec<String>) {
-        match node {
-            Value::Float(_) | Value::Integer(_) => out.push(path),
-            Value::Array(list) if !list.iter().any(Value::is_table) => out.push(path),
-            Value::Array(list) => list.iter().enumerate().for_each(|(i, e)| walk(e, format!("{path}[{i}]"), out)),
-            Value::Table(table) => table.iter().for_each(|(key, e)| walk(e, join(&path, key), out)),
-            _ => {}
-        }
+    fn is_leaf(node: &Value) -> bool {
+        node.is_float() || node.is_integer() || node.as_array().is_some_and(|list| !list.iter().any(Value::is_table))
     }
     let mut out = Vec::new();
-    walk(node, String::new(), &mut out);
+    walk(node, String::new(), is_leaf, &mut |path, _| out.push(path));
     out
 }
 

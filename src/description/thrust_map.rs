@@ -1,12 +1,10 @@
 //! Static maps from command to thrust.
 
-use std::fmt;
-
-use serde::de::{Error, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Steady thrust of a command in still water, before the thruster's limits.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "Given")]
 pub enum ThrustMap {
     /// `"t200"`: Blue Robotics' T200 with a pulse width linear in the command, as in common autopilots: 1500 us at command 0, 1887
     /// us (60 N) at the upper limit, 1134 us (-40 N) at the lower one. Pulses of 1470 to 1530 us are the dead band.
@@ -28,36 +26,24 @@ impl Serialize for ThrustMap {
     }
 }
 
-impl<'de> Deserialize<'de> for ThrustMap {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct MapVisitor;
-        impl<'de> Visitor<'de> for MapVisitor {
-            type Value = ThrustMap;
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected \"t200\" or pairs [command, thrust]")]
+enum Given {
+    Name(String),
+    Points(Vec<Vec<f64>>),
+}
 
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("\"t200\" or pairs [command, thrust]")
-            }
+impl TryFrom<Given> for ThrustMap {
+    type Error = String;
 
-            fn visit_str<E: Error>(self, name: &str) -> Result<ThrustMap, E> {
-                if name == T200 {
-                    Ok(ThrustMap::T200)
-                } else {
-                    Err(E::custom("expected \"t200\" or pairs [command, thrust]"))
-                }
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<ThrustMap, A::Error> {
-                let mut points = Vec::new();
-                while let Some(pair) = seq.next_element::<Vec<f64>>()? {
-                    let found = pair.len();
-                    points.push(
-                        pair.try_into()
-                            .map_err(|_| A::Error::custom(format!("expected pairs, found {found} numbers")))?,
-                    );
-                }
-                Ok(ThrustMap::Points(points))
-            }
+    fn try_from(given: Given) -> Result<Self, String> {
+        let pair = |pair: Vec<f64>| {
+            pair.try_into().map_err(|pair: Vec<f64>| format!("expected pairs, found {} numbers", pair.len()))
+        };
+        match given {
+            Given::Name(name) if name == T200 => Ok(Self::T200),
+            Given::Name(_) => Err(format!("expected \"{T200}\" or pairs [command, thrust]")),
+            Given::Points(points) => points.into_iter().map(pair).collect::<Result<_, _>>().map(Self::Points),
         }
-        d.deserialize_any(MapVisitor)
     }
 }

@@ -1,9 +1,9 @@
 //! Tables of the vehicle's terms, by the list of all terms.
 
 use nalgebra::Vector6;
-use toml::Value;
 
-use super::{SceneWarning, Vehicle, Water, axes, warnings};
+use super::axes::NedTables;
+use super::{SceneWarning, Vehicle, Water, warnings};
 use crate::keys::Fault;
 use crate::terms::{DenseInstant, Medium, PerTerm, TermTable, VehicleTerms, vehicle_terms};
 
@@ -40,13 +40,11 @@ macro_rules! table_methods {
                 })*
             }
 
-            pub(super) fn take_term_axes(tree: &mut Value, enclosing: bool) -> Result<PerTerm<Vec<bool>>, Fault> {
-                Ok(PerTerm { $($field: axes::tables(tree, ["vehicle", stringify!($field)], enclosing)?),* })
-            }
-
-            pub(super) fn convert_term_axes(&mut self, ned: &PerTerm<Vec<bool>>) {
-                $(for (table, _) in self.$field.iter_mut().zip(&ned.$field).filter(|(_, ned)| **ned) {
-                    table.flip_axes();
+            pub(super) fn convert_term_axes(&mut self, ned: &NedTables) {
+                $(for (i, table) in self.$field.iter_mut().enumerate() {
+                    if ned.has(concat!("vehicle.", stringify!($field)), i) {
+                        table.flip_axes();
+                    }
                 })*
             }
 

@@ -85,9 +85,9 @@ struct Element<'a> {
 pub type Result<T> = std::result::Result<T, DescriptionError>;
 
 /// An error in an element.
-fn fault<T>(source: &str, line: u32, element: &str, problem: impl Into<String>) -> Result<T> {
+fn error(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
     let (source_name, element, problem) = (source.to_owned(), element.to_owned(), problem.into());
-    Err(DescriptionError::Urdf { source_name, line, element, problem })
+    DescriptionError::Urdf { source_name, line, element, problem }
 }
 
 impl<'a> Element<'a> {
@@ -95,12 +95,16 @@ impl<'a> Element<'a> {
         self.lines.partition_point(|end| *end < self.node.range().start) as u32 + 1
     }
 
-    fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
-        fault(self.source, self.line(), &self.path, problem)
+    fn error(&self, problem: impl Into<String>) -> DescriptionError {
+        error(self.source, self.line(), &self.path, problem)
     }
 
-    fn missing<T>(&self, attribute: &str) -> Result<T> {
-        self.fault(format!("attribute {attribute} is missing"))
+    fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
+        Err(self.error(problem))
+    }
+
+    fn missing(&self, attribute: &str) -> DescriptionError {
+        self.error(format!("attribute {attribute} is missing"))
     }
 
     fn children(&self, tag: &'a str) -> impl Iterator<Item = Element<'a>> + use<'a> {
@@ -120,30 +124,20 @@ impl<'a> Element<'a> {
     }
 
     fn needed(&self, tag: &'a str) -> Result<Element<'a>> {
-        match self.child(tag)? {
-            Some(child) => Ok(child),
-            None => self.fault(format!("<{tag}> is missing")),
-        }
+        self.child(tag)?.ok_or_else(|| self.error(format!("<{tag}> is missing")))
     }
 
     fn text(&self, attribute: &str) -> Result<&'a str> {
-        match self.node.attribute(attribute) {
-            Some(text) => Ok(text),
-            None => self.missing(attribute),
-        }
+        self.node.attribute(attribute).ok_or_else(|| self.missing(attribute))
     }
 
     fn numbers<const N: usize>(&self, attribute: &str) -> Result<Option<[f64; N]>> {
         let Some(text) = self.node.attribute(attribute) else { return Ok(None) };
         let numbers: std::result::Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
         let array = numbers.ok().and_then(|list| <[f64; N]>::try_from(list).ok());
-        match array.filter(|list| list.iter().all(|x| x.abs() <= MAX_MAGNITUDE)) {
-            Some(array) => Ok(Some(array)),
-            None => {
-                let what = if N == 1 { "a finite number".to_owned() } else { format!("{N} finite numbers") };
-                self.fault(format!("{attribute}=\"{text}\" is not {what}"))
-            }
-        }
+        let array = array.filter(|list| list.iter().all(|x| x.abs() <= MAX_MAGNITUDE));
+        let what = if N == 1 { "a finite number".to_owned() } else { format!("{N} finite numbers") };
+        array.map(Some).ok_or_else(|| self.error(format!("{attribute}=\"{text}\" is not {what}")))
     }
 
     fn number(&self, attribute: &str) -> Result<Option<f64>> {
@@ -151,10 +145,7 @@ impl<'a> Element<'a> {
     }
 
     fn needed_numbers<const N: usize>(&self, attribute: &str) -> Result<[f64; N]> {
-        match self.numbers(attribute)? {
-            Some(numbers) => Ok(numbers),
-            None => self.missing(attribute),
-        }
+        self.numbers(attribute)?.ok_or_else(|| self.missing(attribute))
     }
 
     fn positive(&self, attribute: &str) -> Result<f64> {
@@ -183,7 +174,7 @@ impl<'a> Element<'a> {
 impl Robot {
     /// An error in an element.
     pub fn fault<T>(&self, line: u32, element: &str, problem: impl Into<String>) -> Result<T> {
-        fault(&self.source, line, element, problem)
+        Err(error(&self.source, line, element, problem))
     }
 
     /// Parses the text of a file.
@@ -242,7 +233,7 @@ fn few_attributes(text: &str, source: &str) -> Result<()> {
         if count > ATTRIBUTES {
             let name = tag.split(|c: char| c.is_whitespace()).next().unwrap_or_default();
             let problem = format!("has {count} attributes, but at most {ATTRIBUTES} are read");
-            return fault(source, line, &format!("<{name}>"), problem);
+            return Err(error(source, line, &format!("<{name}>"), problem));
         }
         line += tag.matches('\n').count() as u32;
     }
@@ -270,7 +261,7 @@ fn link(element: &Element) -> Result<Link> {
 
 fn inertial(element: &Element) -> Result<Inertial> {
     let mass = element.needed("mass")?;
-    let Some(kg) = mass.at_least_zero("value")? else { return mass.missing("value") };
+    let kg = mass.at_least_zero("value")?.ok_or_else(|| mass.missing("value"))?;
     let inertia = element.needed("inertia")?;
     let entry = |name| inertia.needed_numbers(name);
     let ([xx], [xy], [xz]) = (entry("ixx")?, entry("ixy")?, entry("ixz")?);
@@ -330,10 +321,7 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<Joint> {
     let end = |tag| {
         let end = element.needed(tag)?;
         let name = end.text("link")?;
-        match links.get(name) {
-            Some(index) => Ok(*index),
-            None => end.fault(format!("unknown link \"{name}\"")),
-        }
+        links.get(name).copied().ok_or_else(|| end.error(format!("unknown link \"{name}\"")))
     };
     let (parent, child) = (end("parent")?, end("child")?);
     let axis = match element.child("axis")? {

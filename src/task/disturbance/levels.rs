@@ -1,5 +1,7 @@
 //! Named disturbances.
 
+use serde_json::{Value, json};
+
 use super::{
     ArmMotion, Delay, Disturbance, Drift, Gust, Impulse, Noise, Parameters, Payload, Span, SteadyCurrent, ThrusterLoss,
     Waves,
@@ -49,38 +51,70 @@ pub const LEVELS: [Level; 14] = [
         name: "storm-wide",
         description: "As storm, with a vehicle that is known poorly: masses and drag 0.5 to 1.6 times, thrust 0.5 to 1.3, \
                       lag 0.3 to 3 times as in the scene, sensors 0 to 0.3 s late, a heavy payload, a lost thruster.",
-        make: storm_wide,
+        make: || {
+            let poorly = [0.5, 1.6];
+            let parameters = json!({
+                "mass": poorly, "added_mass": poorly, "linear_damping": poorly, "quadratic_damping": poorly,
+                "thrust": [0.5, 1.3], "thruster_lag": [0.3, 3.0],
+            });
+            let changes = json!({
+                "payload": { "share": [0.02, 0.16] },
+                "thrusters": { "gain": [0.0, 0.8] },
+                "delay": { "time": [0.0, 0.3], "periods": 0 },
+                "parameters": parameters,
+            });
+            changed(storm(1.0), changes)
+        },
     },
     Level {
         name: "current-hard",
         description: "As current, 1.3 times as fast, wandering faster, at any slope.",
-        make: current_hard,
+        make: || {
+            let steep = std::f64::consts::FRAC_PI_2;
+            changed(
+                current(HARD),
+                json!({ "current": { "elevation": steep }, "drift": { "time": [2, 5], "vertical": 1 } }),
+            )
+        },
     },
     Level {
         name: "gusts-hard",
         description: "As gusts, 1.3 times as fast, rising in half the time and turning round.",
-        make: gusts_hard,
+        make: || changed(gusts(HARD), json!({ "gust": { "rise": 0.5, "turns": true } })),
     },
-    Level { name: "waves-hard", description: "Two trains of waves, 1.3 times as high, that cross.", make: waves_hard },
+    Level {
+        name: "waves-hard",
+        description: "Two trains of waves, 1.3 times as high, that cross.",
+        make: || changed(waves(HARD), json!({ "waves": { "trains": 2 } })),
+    },
     Level {
         name: "payload-hard",
         description: "As payload, 1.3 times as heavy, with a cable that pulls.",
-        make: payload_hard,
+        make: || changed(payload(HARD), json!({ "tether": true })),
     },
     Level {
         name: "thruster-loss-hard",
         description: "Two thrusters fade to between 0 and 50 % of their thrust.",
-        make: thruster_loss_hard,
+        make: || changed(thruster_loss(HARD), json!({ "thrusters": { "count": 2, "fade": 2 } })),
     },
     Level {
         name: "storm-hard",
         description: "As storm, 1.3 times as strong, with turning gusts, crossing waves and a cable.",
-        make: storm_hard,
+        make: || {
+            let gust = json!({ "rise": 0.5, "turns": true });
+            changed(storm(HARD), json!({ "gust": gust, "waves": { "trains": 2 }, "tether": true }))
+        },
     },
 ];
 
 /// Strength of the harder levels relative to the others.
 const HARD: f64 = 1.3;
+
+/// A disturbance with changes in the form of [`Disturbance::from_json`].
+fn changed(base: Disturbance, changes: Value) -> Disturbance {
+    let changes = changes.as_object().cloned().unwrap_or_default();
+    base.changed(changes).expect("the changes are settings of components")
+}
 
 fn steady(low: f64, high: f64) -> Option<SteadyCurrent> {
     Some(SteadyCurrent { speed: Span::of(low, high), ..SteadyCurrent::default() })
@@ -91,26 +125,9 @@ fn current(by: f64) -> Disturbance {
     Disturbance { current: steady(0.1 * by, 0.4 * by), drift: Some(drift), ..Disturbance::default() }
 }
 
-fn current_hard() -> Disturbance {
-    let mut hard = current(HARD);
-    if let (Some(current), Some(drift)) = (&mut hard.current, &mut hard.drift) {
-        current.elevation = std::f64::consts::FRAC_PI_2;
-        (drift.time, drift.vertical) = (Span::of(2.0, 5.0), 1.0);
-    }
-    hard
-}
-
 fn gusts(by: f64) -> Disturbance {
     let gust = Gust { speed: Span::of(0.1, 0.35).times(by), ..Gust::default() };
     Disturbance { current: steady(0.0, 0.2 * by), gust: Some(gust), ..Disturbance::default() }
-}
-
-fn gusts_hard() -> Disturbance {
-    let mut hard = gusts(HARD);
-    if let Some(gust) = &mut hard.gust {
-        (gust.rise, gust.turns) = (0.5, true);
-    }
-    hard
 }
 
 fn waves(by: f64) -> Disturbance {
@@ -118,34 +135,14 @@ fn waves(by: f64) -> Disturbance {
     Disturbance { current: steady(0.0, 0.2 * by), waves: Some(waves), ..Disturbance::default() }
 }
 
-fn waves_hard() -> Disturbance {
-    let mut hard = waves(HARD);
-    if let Some(waves) = &mut hard.waves {
-        waves.trains = 2;
-    }
-    hard
-}
-
 fn payload(by: f64) -> Disturbance {
     let payload = Payload { share: Span::of(0.03, 0.1).times(by), ..Payload::default() };
     Disturbance { current: steady(0.0, 0.2 * by), payload: Some(payload), ..Disturbance::default() }
 }
 
-fn payload_hard() -> Disturbance {
-    Disturbance { tether: Some(super::Tether::default()), ..payload(HARD) }
-}
-
 fn thruster_loss(by: f64) -> Disturbance {
     let thrusters = ThrusterLoss { gain: Span::of(0.0, 0.5), ..ThrusterLoss::default() };
     Disturbance { current: steady(0.0, 0.2 * by), thrusters: Some(thrusters), ..Disturbance::default() }
-}
-
-fn thruster_loss_hard() -> Disturbance {
-    let mut hard = thruster_loss(HARD);
-    if let Some(thrusters) = &mut hard.thrusters {
-        (thrusters.count, thrusters.fade) = (2, 2.0);
-    }
-    hard
 }
 
 fn storm(by: f64) -> Disturbance {
@@ -163,30 +160,4 @@ fn storm(by: f64) -> Disturbance {
         parameters: Some(Parameters::within(0.3 * by)),
         ..Disturbance::default()
     }
-}
-
-fn storm_wide() -> Disturbance {
-    let mut wide = storm(1.0);
-    if let (Some(payload), Some(thrusters)) = (&mut wide.payload, &mut wide.thrusters) {
-        (payload.share, thrusters.gain) = (Span::of(0.02, 0.16), Span::of(0.0, 0.8));
-    }
-    let poorly = Span::of(0.5, 1.6);
-    let parameters = Parameters::of([
-        ("mass", poorly),
-        ("added_mass", poorly),
-        ("linear_damping", poorly),
-        ("quadratic_damping", poorly),
-        ("thrust", Span::of(0.5, 1.3)),
-        ("thruster_lag", Span::of(0.3, 3.0)),
-    ]);
-    let delay = Delay { time: Span::of(0.0, 0.3), ..Delay::default() };
-    Disturbance { delay: Some(delay), parameters: Some(parameters), ..wide }
-}
-
-fn storm_hard() -> Disturbance {
-    let mut hard = storm(HARD);
-    if let (Some(gust), Some(waves)) = (&mut hard.gust, &mut hard.waves) {
-        (gust.rise, gust.turns, waves.trains) = (0.5, true, 2);
-    }
-    Disturbance { tether: Some(super::Tether::default()), ..hard }
 }

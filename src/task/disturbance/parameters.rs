@@ -106,17 +106,6 @@ impl Parameters {
         &self.scene
     }
 
-    /// Ranges of factors by their names, which are known.
-    pub(super) fn of<const N: usize>(given: [(&str, Span); N]) -> Self {
-        let mut ranges = [None; FACTORS];
-        for (name, range) in given {
-            if let Some(k) = place(name) {
-                ranges[k] = Some(range);
-            }
-        }
-        Self { ranges, ..Self::default() }
-    }
-
     /// Ranges of this share either way, for all but volume and payload.
     pub(super) fn within(share: f64) -> Self {
         Self::try_from(Given::Share(share)).unwrap_or_default()

@@ -51,7 +51,12 @@ impl Disturbance {
             Some(Value::String(name)) => Self::named(&name)?,
             Some(other) => return refuse(BASE, format!("must be the name of a level, not {other}")),
         };
-        let Ok(Value::Object(mut components)) = serde_json::to_value(base) else {
+        base.changed(given)
+    }
+
+    /// With components changed by an object of components by name: see [`Self::from_json`].
+    pub(super) fn changed(self, given: Map<String, Value>) -> Result<Self, TaskError> {
+        let Ok(Value::Object(mut components)) = serde_json::to_value(self) else {
             return refuse("disturbance", "not finite".into());
         };
         for (key, component) in given {

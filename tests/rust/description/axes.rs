@@ -16,6 +16,16 @@ gravity = [0.0, 0.0, -9.81]
 [vehicle]
 name = "BlueROV2 Heavy"
 axes = "ned"
+thrusters = [
+    { name = "front-right", position = [0.14, 0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 60.0] },
+    { name = "front-left", position = [0.14, -0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 60.0] },
+    { name = "rear-right", position = [-0.15, 0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 60.0] },
+    { name = "rear-left", position = [-0.15, -0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 60.0] },
+    { name = "vertical-front-right", position = [0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
+    { name = "vertical-front-left", position = [0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
+    { name = "vertical-rear-right", position = [-0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
+    { name = "vertical-rear-left", position = [-0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
+]
 [vehicle.body]
 mass = 13.5
 inertia = [0.26, 0.23, 0.37]
@@ -24,46 +34,6 @@ volume = 0.013704
 added_mass = [5.5, 12.7, 14.6, 0.12, 0.12, 0.12]
 damping.linear = [4.03, 6.22, 5.18, 0.07, 0.07, 0.07]
 damping.quadratic = [18.18, 21.66, 36.99, 1.55, 1.55, 1.55]
-[[vehicle.thrusters]]
-name = "front-right"
-position = [0.14, 0.092, 0.0]
-axis = [1.0, -1.0, 0.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "front-left"
-position = [0.14, -0.092, 0.0]
-axis = [1.0, 1.0, 0.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "rear-right"
-position = [-0.15, 0.092, 0.0]
-axis = [1.0, 1.0, 0.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "rear-left"
-position = [-0.15, -0.092, 0.0]
-axis = [1.0, -1.0, 0.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "vertical-front-right"
-position = [0.118, 0.215, -0.064]
-axis = [0.0, 0.0, -1.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "vertical-front-left"
-position = [0.118, -0.215, -0.064]
-axis = [0.0, 0.0, -1.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "vertical-rear-right"
-position = [-0.118, 0.215, -0.064]
-axis = [0.0, 0.0, -1.0]
-limits = [-40.0, 60.0]
-[[vehicle.thrusters]]
-name = "vertical-rear-left"
-position = [-0.118, -0.215, -0.064]
-axis = [0.0, 0.0, -1.0]
-limits = [-40.0, 60.0]
 [vehicle.servo]
 kp = [42.8, 58.9, 63.2, 3.47, 3.2, 4.41]
 kd = [57.0, 78.6, 84.3, 2.31, 2.13, 2.94]
@@ -291,16 +261,12 @@ fn val_fossens_matrices_in_ned_are_those_of_the_compiled_system() {
 
 #[test]
 fn tables_of_the_vehicle_follow_it_unless_they_state_their_own_axes() {
-    let one = read(&BLUEROV2_HEAVY_NED.replacen(
-        "position = [0.14, 0.092, 0.0]",
-        "axes = \"flu\"\nposition = [0.14, 0.092, 0.0]",
-        1,
-    ));
+    let one = read(&BLUEROV2_HEAVY_NED.replacen("position = [0.14,", "axes = \"flu\", position = [0.14,", 1));
     let ned = read(BLUEROV2_HEAVY_NED);
     assert_eq!(one.vehicle.thrusters[0].position, Vector3::new(0.14, 0.092, 0.0));
     assert_eq!((&one.vehicle.body, &one.vehicle.thrusters[1..]), (&ned.vehicle.body, &ned.vehicle.thrusters[1..]));
-    let body = BLUEROV2_HEAVY_NED.replacen("axes = \"ned\"\n[vehicle.body]", "[vehicle.body]\naxes = \"ned\"", 1);
-    let body = read(&body);
+    let body = BLUEROV2_HEAVY_NED.replacen("axes = \"ned\"\n", "", 1);
+    let body = read(&body.replacen("[vehicle.body]", "[vehicle.body]\naxes = \"ned\"", 1));
     assert_eq!(body.vehicle.body, ned.vehicle.body);
     assert_eq!(body.vehicle.thrusters[0].position, Vector3::new(0.14, 0.092, 0.0));
 }
@@ -311,7 +277,7 @@ fn unknown_axes_are_refused_by_key_and_value() {
     let vehicle = |value: &str| message(&BLUEROV2_HEAVY_NED.replacen("\"ned\"", value, 1));
     assert_eq!(vehicle("\"xyz\""), "my.toml: vehicle.axes: is \"xyz\", but must be \"flu\" or \"ned\"");
     assert_eq!(vehicle("3"), "my.toml: vehicle.axes: is 3, but must be \"flu\" or \"ned\"");
-    let thruster = BLUEROV2_HEAVY_NED.replacen("name = \"rear-right\"", "name = \"rear-right\"\naxes = \"NED\"", 1);
+    let thruster = BLUEROV2_HEAVY_NED.replacen("name = \"rear-right\"", "name = \"rear-right\", axes = \"NED\"", 1);
     let expected = "my.toml: vehicle.thrusters[2].axes (rear-right): is \"NED\", but must be \"flu\" or \"ned\"";
     assert_eq!(message(&thruster), expected);
     let arm = asymmetric(false).replacen("body = { mass", "body = { axes = \"enu\", mass", 1);

@@ -79,11 +79,8 @@ fn a_wrong_length() {
 fn a_number_that_is_none() {
     refused_body(MASS, "mass = nan\n", &["vehicle.body.mass", "NaN"]);
     refused_body(INERTIA, "inertia = [1.0, 1.0, -inf]", &["vehicle.body.inertia[2]", "-inf"]);
-    refused_body(
-        ADDED,
-        &format!("added_mass = {}", rows(1e13, 0.0, 0.0)),
-        &["vehicle.body.added_mass[0][0]", "1000000"],
-    );
+    let added = format!("added_mass = {}", rows(1e13, 0.0, 0.0));
+    refused_body(ADDED, &added, &["vehicle.body.added_mass[0][0]", "1000000"]);
     refused("petasus-pum", "viscous = 5.0", "viscous = nan", &["arm.links[2].joint.friction.viscous (forearm)", "NaN"]);
 }
 
@@ -147,32 +144,19 @@ fn weight_and_buoyancy_that_contradict() {
 
 #[test]
 fn joints_that_cannot_be() {
-    let scene = "petasus-pum";
-    refused(
-        scene,
-        "axis = [0.0, -1.0, 0.0]",
-        "axis = [0, 0, 0]",
-        &["arm.links[1].joint.axis (upper-arm)", "[0.0, 0.0, 0.0]"],
-    );
-    refused(scene, "upper = 1.4\n", "upper = -0.4\n", &["arm.links[1].joint.limits (upper-arm)", "[-0.35, -0.4]"]);
-    refused(scene, "home = 0.3\n", "home = 1.5\n", &["arm.links[1].joint.home", "1.5", "[-0.35, 1.4]"]);
-    refused(
-        scene,
-        "rotor_inertia = 2.56\n",
-        "rotor_inertia = -0.1\n",
-        &["arm.links[0].joint.rotor_inertia", "-0.1", ">= 0"],
-    );
-    refused(scene, "viscous = 12.0\n", "viscous = -12.0\n", &["arm.links[1].joint.friction.viscous", "-12"]);
-    refused(
-        scene,
-        "coulomb_speed = 0.1\n",
-        "coulomb_speed = 0.0\n",
-        &["arm.links[0].joint.friction.coulomb_speed", "> 0"],
-    );
-    refused(scene, "stiffness = 1500.0\n", "stiffness = -1500.0\n", &["arm.links[1].joint.limits.stiffness", "-1500"]);
-    refused(scene, "effort = 150.0\n", "effort = -150.0\n", &["arm.links[1].joint.effort", "-150"]);
-    refused(scene, "speed = 0.5\n", "speed = 0\n", &["arm.links[0].joint.speed", "is 0"]);
-    refused(scene, "kp = 2400.0\n", "kp = -2400.0\n", &["arm.links[1].joint.servo.kp", "-2400"]);
+    let cases: [(&str, &str, &[&str]); 10] = [
+        ("axis = [0.0, -1.0, 0.0]", "axis = [0, 0, 0]", &["arm.links[1].joint.axis (upper-arm)", "[0.0, 0.0, 0.0]"]),
+        ("upper = 1.4\n", "upper = -0.4\n", &["arm.links[1].joint.limits (upper-arm)", "[-0.35, -0.4]"]),
+        ("home = 0.3\n", "home = 1.5\n", &["arm.links[1].joint.home", "1.5", "[-0.35, 1.4]"]),
+        ("rotor_inertia = 2.56\n", "rotor_inertia = -0.1\n", &["arm.links[0].joint.rotor_inertia", "-0.1", ">= 0"]),
+        ("viscous = 12.0\n", "viscous = -12.0\n", &["arm.links[1].joint.friction.viscous", "-12"]),
+        ("coulomb_speed = 0.1\n", "coulomb_speed = 0.0\n", &["arm.links[0].joint.friction.coulomb_speed", "> 0"]),
+        ("stiffness = 1500.0\n", "stiffness = -1500.0\n", &["arm.links[1].joint.limits.stiffness", "-1500"]),
+        ("effort = 150.0\n", "effort = -150.0\n", &["arm.links[1].joint.effort", "-150"]),
+        ("speed = 0.5\n", "speed = 0\n", &["arm.links[0].joint.speed", "is 0"]),
+        ("kp = 2400.0\n", "kp = -2400.0\n", &["arm.links[1].joint.servo.kp", "-2400"]),
+    ];
+    cases.into_iter().for_each(|(old, new, parts)| refused("petasus-pum", old, new, parts));
 }
 
 #[test]
@@ -181,12 +165,8 @@ fn lists_with_wrong_names_or_lengths() {
     refused(scene, "name = \"forearm\"", "name = \"yaw\"", &["arm.links[2].name", "'yaw'", "taken"]);
     refused(scene, "name = \"forearm\"", "name = \"vehicle\"", &["arm.links[2].name", "'vehicle'", "reserved"]);
     refused(scene, "name = \"forearm\"", "name = \"\"", &["arm.links[2].name", "empty"]);
-    refused(
-        scene,
-        "name = \"sway-top\"",
-        "name = \"surge-left\"",
-        &["vehicle.thrusters[2].name", "'surge-left'", "taken"],
-    );
+    let thruster = "name = \"surge-left\"";
+    refused(scene, "name = \"sway-top\"", thruster, &["vehicle.thrusters[2].name", "'surge-left'", "taken"]);
     refused(scene, "limits = [-100.0, 100.0]", "limits = [10, 100]", &["vehicle.thrusters[0].limits", "[10.0, 100.0]"]);
     refused(scene, "limits = [-100.0, 100.0]", "limits = [0, 0]", &["vehicle.thrusters[0].limits", "[0.0, 0.0]"]);
 
