@@ -7,20 +7,20 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// Entry of a list that is either a diagonal (numbers) or a matrix (rows).
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a number or a row of numbers")]
-enum Entry {
+enum NumberOrRow {
     Number(f64),
     Row(Vec<f64>),
 }
 
 /// All numbers of a list, if it holds no rows.
-fn all_numbers(entries: &[Entry]) -> Option<Vec<f64>> {
-    entries.iter().map(|e| if let Entry::Number(x) = e { Some(*x) } else { None }).collect()
+fn all_numbers(entries: &[NumberOrRow]) -> Option<Vec<f64>> {
+    entries.iter().map(|e| if let NumberOrRow::Number(x) = e { Some(*x) } else { None }).collect()
 }
 
 /// The matrix of a list of N rows of N numbers.
-fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
-    let row = |entry: &Entry| match entry {
-        Entry::Row(row) if row.len() == N => Some(row.clone()),
+fn all_rows<const N: usize>(entries: &[NumberOrRow]) -> Option<SMatrix<f64, N, N>> {
+    let row = |entry: &NumberOrRow| match entry {
+        NumberOrRow::Row(row) if row.len() == N => Some(row.clone()),
         _ => None,
     };
     let rows: Vec<Vec<f64>> = entries.iter().map(row).collect::<Option<_>>()?;
@@ -28,10 +28,10 @@ fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
 }
 
 /// Description of a list of the wrong shape, for error messages.
-fn shape(entries: &[Entry]) -> String {
+fn shape(entries: &[NumberOrRow]) -> String {
     let lengths: Vec<_> = entries
         .iter()
-        .filter_map(|e| if let Entry::Row(row) = e { Some(row.len().to_string()) } else { None })
+        .filter_map(|e| if let NumberOrRow::Row(row) = e { Some(row.len().to_string()) } else { None })
         .collect();
     match (entries.len(), lengths.len()) {
         (n, 0) => format!("{n} numbers"),
@@ -64,9 +64,9 @@ pub fn optional_array<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result
 
 /// One number per axis, or one for all.
 pub fn axes<'de, D: Deserializer<'de>>(d: D) -> Result<[f64; 3], D::Error> {
-    match Entry::deserialize(d)? {
-        Entry::Number(x) => Ok([x; 3]),
-        Entry::Row(row) => row
+    match NumberOrRow::deserialize(d)? {
+        NumberOrRow::Number(x) => Ok([x; 3]),
+        NumberOrRow::Row(row) => row
             .try_into()
             .map_err(|row: Vec<f64>| D::Error::custom(format!("expected 1 or 3 numbers, found {}", row.len()))),
     }
@@ -105,7 +105,7 @@ pub mod inertia {
     use super::*;
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix3<f64>, D::Error> {
-        let entries = <Vec<Entry>>::deserialize(d)?;
+        let entries = <Vec<NumberOrRow>>::deserialize(d)?;
         match all_numbers(&entries).as_deref() {
             Some(&[xx, yy, zz]) => Ok(Matrix3::from_diagonal(&[xx, yy, zz].into())),
             Some(&[xx, xy, xz, yy, yz, zz]) => Ok(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)),
@@ -127,7 +127,7 @@ pub mod matrix6 {
     use super::*;
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix6<f64>, D::Error> {
-        let entries = <Vec<Entry>>::deserialize(d)?;
+        let entries = <Vec<NumberOrRow>>::deserialize(d)?;
         match all_numbers(&entries) {
             Some(diagonal) if diagonal.len() == 6 => Ok(Matrix6::from_diagonal(&Vector6::from_vec(diagonal))),
             _ => all_rows(&entries).ok_or_else(|| {

@@ -8,12 +8,12 @@ use super::task::Task;
 use uvms_gym::task::privileged_layout;
 
 /// Blocks in order, without gaps.
-struct Blocks<'py> {
+struct BlockList<'py> {
     list: Bound<'py, PyList>,
     offset: usize,
 }
 
-impl<'py> Blocks<'py> {
+impl<'py> BlockList<'py> {
     fn new(py: Python<'py>) -> Self {
         Self { list: PyList::empty(py), offset: 0 }
     }
@@ -41,7 +41,7 @@ impl Task {
     /// Blocks of an observation.
     #[getter]
     fn layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let mut blocks = Blocks::new(py);
+        let mut blocks = BlockList::new(py);
         for block in self.batch.task().layout().blocks() {
             let ranges = block.bound.iter().zip(&block.scale).map(|(bound, scale)| [-bound * scale, bound * scale]);
             let ranges: Vec<_> = ranges.collect();
@@ -53,7 +53,7 @@ impl Task {
     /// Entries of an action, one block each.
     #[getter]
     fn action_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let mut blocks = Blocks::new(py);
+        let mut blocks = BlockList::new(py);
         for range in self.batch.task().action_ranges() {
             blocks.push(&range.name, &[range.limits[1]], &[range.limits], range.unit, range.description)?;
         }
@@ -63,7 +63,7 @@ impl Task {
     /// Parts of a row of `privileged`.
     #[getter]
     fn privileged_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let mut blocks = Blocks::new(py);
+        let mut blocks = BlockList::new(py);
         for part in privileged_layout(self.batch.task().joint_count()) {
             let ranges = vec![[f64::NEG_INFINITY, f64::INFINITY]; part.length];
             blocks.push(part.name, &vec![1.0; part.length], &ranges, part.unit, part.description)?;

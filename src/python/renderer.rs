@@ -48,7 +48,7 @@ pub struct Renderer {
 }
 
 /// Position and rotation, from the arguments of a call.
-type Pose = (Vector3<f64>, Matrix3<f64>);
+type PositionAndRotation = (Vector3<f64>, Matrix3<f64>);
 
 #[pymethods]
 impl Renderer {
@@ -276,12 +276,12 @@ impl Renderer {
     }
 }
 
-fn vehicle(position: &Bound<'_, PyAny>, rotation: &Bound<'_, PyAny>) -> PyResult<Pose> {
+fn vehicle(position: &Bound<'_, PyAny>, rotation: &Bound<'_, PyAny>) -> PyResult<PositionAndRotation> {
     let (position, rotation) = (rows("position", position, 1, &[3])?, rows("rotation", rotation, 1, &[3, 3])?);
     Ok((Vector3::from_column_slice(&position), Matrix3::from_row_slice(&rotation)))
 }
 
-fn pose(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
+fn pose(name: &str, given: &Bound<'_, PyAny>) -> PyResult<PositionAndRotation> {
     let numbers = poses(name, given, 1)?;
     Ok((Vector3::from_column_slice(&numbers[..3]), Matrix3::from_row_slice(&numbers[3..])))
 }

@@ -1,6 +1,6 @@
 //! The serial chain between two links of a tree.
 
-use super::file::{Joint, Kind, Result, Robot};
+use super::file::{JointType, Result, Robot, UrdfJoint};
 
 /// Joints from a base link to a tip link, including fixed ones.
 pub struct Chain {
@@ -23,14 +23,14 @@ impl Robot {
     }
 
     /// Joints with this link as parent.
-    pub fn joints_of(&self, link: usize) -> impl Iterator<Item = (usize, &Joint)> {
+    pub fn joints_of(&self, link: usize) -> impl Iterator<Item = (usize, &UrdfJoint)> {
         self.below[link].iter().map(|index| (*index, &self.joints[*index]))
     }
 
     /// For each joint, true where it or a joint behind it moves.
     fn moving(&self) -> Vec<bool> {
         let mut moving = vec![false; self.joints.len()];
-        for start in (0..self.joints.len()).filter(|i| self.joints[*i].kind != Kind::Fixed) {
+        for start in (0..self.joints.len()).filter(|i| self.joints[*i].kind != JointType::Fixed) {
             let mut next = Some(start);
             while let Some(joint) = next.filter(|joint| !moving[*joint]) {
                 moving[joint] = true;
@@ -126,7 +126,7 @@ impl Robot {
                     at = self.joints[one].child;
                 }
                 _ => {
-                    let way = |Joint { name, child, .. }: &Joint| {
+                    let way = |UrdfJoint { name, child, .. }: &UrdfJoint| {
                         format!("\"{}\" by joint \"{name}\"", self.links[*child].name)
                     };
                     let ways: Vec<_> = choice.iter().map(|i| way(&self.joints[*i])).collect();

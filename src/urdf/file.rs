@@ -20,14 +20,14 @@ pub struct Robot {
     pub name: String,
     /// The file, for errors.
     pub source: String,
-    pub links: Vec<Link>,
-    pub joints: Vec<Joint>,
+    pub links: Vec<UrdfLink>,
+    pub joints: Vec<UrdfJoint>,
     /// Joint with each link as child, and joints with each link as parent.
     pub above: Vec<Option<usize>>,
     pub below: Vec<Vec<usize>>,
 }
 
-pub struct Link {
+pub struct UrdfLink {
     pub name: String,
     pub inertial: Option<Inertial>,
     /// Shapes of `<collision>`, or of `<visual>` if there are none.
@@ -45,9 +45,9 @@ pub struct Inertial {
     pub inertia: Matrix3<f64>,
 }
 
-pub struct Joint {
+pub struct UrdfJoint {
     pub name: String,
-    pub kind: Kind,
+    pub kind: JointType,
     pub parent: usize,
     pub child: usize,
     /// Child frame in the parent frame.
@@ -65,7 +65,7 @@ pub struct Joint {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum JointType {
     Fixed,
     Revolute,
     Continuous,
@@ -195,7 +195,7 @@ impl Robot {
             let name = format!("<xacro:{}>", node.tag_name().name());
             return Element { node, path: name, ..robot }.fault("run xacro on the file first");
         }
-        let mut links: Vec<Link> = Vec::new();
+        let mut links: Vec<UrdfLink> = Vec::new();
         let mut indices = HashMap::new();
         for element in robot.children("link") {
             let link = link(&element)?;
@@ -207,12 +207,12 @@ impl Robot {
         if links.is_empty() {
             return robot.fault("has no <link>");
         }
-        let mut joints: Vec<Joint> = Vec::new();
+        let mut joints: Vec<UrdfJoint> = Vec::new();
         let (mut above, mut below) = (vec![None; links.len()], vec![Vec::new(); links.len()]);
         for element in robot.children("joint") {
             let joint = joint(&element, &indices)?;
             if let Some(other) = above[joint.child] {
-                let (child, before): (_, &Joint) = (&links[joint.child].name, &joints[other]);
+                let (child, before): (_, &UrdfJoint) = (&links[joint.child].name, &joints[other]);
                 let before = &before.name;
                 return element.fault(format!("link \"{child}\" is the child of joint \"{before}\" already"));
             }
@@ -240,7 +240,7 @@ fn few_attributes(text: &str, source: &str) -> Result<()> {
     Ok(())
 }
 
-fn link(element: &Element) -> Result<Link> {
+fn link(element: &Element) -> Result<UrdfLink> {
     let name = element.text("name")?.to_owned();
     let element = &Element { path: format!("link \"{name}\""), ..element.clone() };
     let inertial = element.child("inertial")?.map(|inertial| self::inertial(&inertial)).transpose()?;
@@ -256,7 +256,7 @@ fn link(element: &Element) -> Result<Link> {
             break;
         }
     }
-    Ok(Link { name, inertial, mesh: mesh && shapes.is_empty(), shapes })
+    Ok(UrdfLink { name, inertial, mesh: mesh && shapes.is_empty(), shapes })
 }
 
 fn inertial(element: &Element) -> Result<Inertial> {
@@ -306,14 +306,14 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
     }))
 }
 
-fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<Joint> {
+fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint> {
     let name = element.text("name")?.to_owned();
     let element = &Element { path: format!("joint \"{name}\""), ..element.clone() };
     let kind = match element.text("type")? {
-        "fixed" => Kind::Fixed,
-        "revolute" => Kind::Revolute,
-        "continuous" => Kind::Continuous,
-        "prismatic" => Kind::Prismatic,
+        "fixed" => JointType::Fixed,
+        "revolute" => JointType::Revolute,
+        "continuous" => JointType::Continuous,
+        "prismatic" => JointType::Prismatic,
         other => {
             return element.fault(format!("type is \"{other}\", but must be revolute, continuous, prismatic or fixed"));
         }
@@ -341,13 +341,13 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<Joint> {
         effort = limit.at_least_zero("effort")?.filter(|x| *x > 0.0);
         speed = limit.at_least_zero("velocity")?.filter(|x| *x > 0.0);
         let (lower, upper) = (limit.number("lower")?.unwrap_or(0.0), limit.number("upper")?.unwrap_or(0.0));
-        if matches!(kind, Kind::Revolute | Kind::Prismatic) {
+        if matches!(kind, JointType::Revolute | JointType::Prismatic) {
             if lower >= upper {
                 return limit.fault(format!("lower is {lower}, but must be below upper, {upper}"));
             }
             limits = Some([lower, upper]);
         }
-    } else if matches!(kind, Kind::Revolute | Kind::Prismatic) {
+    } else if matches!(kind, JointType::Revolute | JointType::Prismatic) {
         return element.fault("<limit> is missing, which revolute and prismatic joints need");
     }
     let dynamics = element.child("dynamics")?;
@@ -355,7 +355,7 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<Joint> {
     let mimic = element.child("mimic")?.is_some();
     let (damping, friction, armature) = (dynamics("damping")?, dynamics("friction")?, dynamics("armature")?);
     let (frame, line) = (element.origin()?, element.line());
-    Ok(Joint {
+    Ok(UrdfJoint {
         name,
         kind,
         parent,

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use toml::Value;
 
 use super::chain::Chain;
-use super::file::{self, Kind, Result, Robot};
+use super::file::{JointType, Result, Robot, UrdfJoint};
 use super::links::Part;
 use crate::description::{
     Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene,
@@ -148,11 +148,11 @@ fn file_name(source: &str) -> String {
     Path::new(source).file_name().map_or_else(|| source.to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
-fn taken_over(joint: &file::Joint, frame: Frame) -> Joint {
+fn taken_over(joint: &UrdfJoint, frame: Frame) -> Joint {
     let limits = joint.limits.map(|[lower, upper]| JointLimits { lower, upper, stiffness: 0.0, damping: 0.0 });
     let home = limits.as_ref().filter(|l| !(l.lower < 0.0 && 0.0 < l.upper)).map_or(0.0, |l| (l.lower + l.upper) / 2.0);
     Joint {
-        kind: if joint.kind == Kind::Prismatic { JointKind::Prismatic } else { JointKind::Revolute },
+        kind: if joint.kind == JointType::Prismatic { JointKind::Prismatic } else { JointKind::Revolute },
         frame,
         axis: joint.axis,
         rotor_inertia: joint.armature,
@@ -244,7 +244,7 @@ fn joints_provenance(arm: &Arm, robot: &Robot, chain: &Chain, scene: &mut Scene,
         say("limits.stiffness", format!("derived: {STOP} times the servo's"));
         say("limits.damping", "assumed: as many N m s/rad2 as the stiffness has N m/rad".to_owned());
     }
-    for joint in chain.joints.iter().map(|i| &robot.joints[*i]).filter(|joint| joint.kind != Kind::Fixed) {
+    for joint in chain.joints.iter().map(|i| &robot.joints[*i]).filter(|joint| joint.kind != JointType::Fixed) {
         if joint.effort.is_none() {
             notes.push(format!("{}: no effort given, so its torque is unlimited", joint.name));
         }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::chain::Chain;
-use super::file::{Inertial, Kind, Link, Robot};
+use super::file::{Inertial, JointType, Robot, UrdfLink};
 use crate::description::Frame;
 use crate::estimate::Shape;
 
@@ -61,7 +61,7 @@ fn ellipsoid(inertial: &Inertial) -> Shape {
 }
 
 impl Part {
-    fn add(&mut self, link: &Link, at: &Frame) {
+    fn add(&mut self, link: &UrdfLink, at: &Frame) {
         let own = link.inertial.as_ref().filter(|inertial| inertial.mass > 0.0);
         if let Some(inertial) = own {
             let frame = compose(at, &inertial.frame);
@@ -110,12 +110,12 @@ impl Robot {
             }
             for (index, joint) in self.joints_of(at) {
                 let beyond = compose(&frame, &joint.frame);
-                if joint.kind != Kind::Fixed && chain.has[index] {
+                if joint.kind != JointType::Fixed && chain.has[index] {
                     next = Some((index, beyond));
                     continue;
                 }
                 let (to, child) = (&self.links[link].name, &self.links[joint.child].name);
-                if joint.kind != Kind::Fixed {
+                if joint.kind != JointType::Fixed {
                     let name = &joint.name;
                     part.notes
                         .push(format!("{name}: a moving joint outside the chain, fixed at 0: {child} is part of {to}"));
