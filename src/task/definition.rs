@@ -6,6 +6,8 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::arm_reference;
+use super::bounds::{POSITION_BOUND, shorter};
 use super::disturbance::{DisturbanceKernel, MEASURED};
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{METRICS, Metrics, OWN_METRICS};
@@ -88,11 +90,15 @@ pub trait TaskDefinition:
     /// `TaskError::Option`.
     fn check(&self, start_distance: f64) -> Result<(), TaskError>;
 
-    /// Appends the task's observation blocks, between the joint rates and the previous action.
-    fn layout(&self, options: &TaskOptions, model: &TaskModel, layout: &mut Layout);
+    /// Appends the task's observation blocks, between the joint rates and the previous action: by default the joints' references.
+    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut Layout) {
+        arm_reference::push_blocks(model, layout);
+    }
 
-    /// Allocates the task's rows of an episode's memory.
-    fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
+    /// Allocates the task's rows of an episode's memory: by default the joints' references.
+    fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+        arm_reference::rows(model, rows)
+    }
 
     /// The task's numbers in the precision of the lanes.
     fn kernel<T: Real>(&self, options: &TaskOptions, model: &TaskModel, rows: &EpisodeRows) -> Self::Kernel<T>;
@@ -110,19 +116,15 @@ pub trait TaskDefinition:
     fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>);
 
     /// Sets the target and the references of the first control instant, at the start of an episode.
-    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>);
+    #[inline(always)]
+    fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
+        arm_reference::begin::<L, Self>(kernel, memory);
+    }
 
     /// Moves the target and the references to the next control instant.
-    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>);
-
-    /// Servo targets of the joints over the coming control period: cubic coefficients. Unused where the action drives the
-    /// joints.
     #[inline(always)]
-    fn joint_targets<L: Lane>(
-        _kernel: &TaskKernel<L::Real, Self>,
-        _memory: &Rows<'_, L::Real>,
-        _joints: &mut [[L; 4]; JOINTS],
-    ) {
+    fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
+        arm_reference::advance::<L, Self>(kernel, memory);
     }
 
     /// Measured twist in body axes: the absolute one by default.
@@ -132,17 +134,20 @@ pub trait TaskDefinition:
     }
 
     /// Writes the entries of the blocks of [`Self::layout`]. `measured` is the sensors' reading.
+    #[inline(always)]
     fn observe<L: Lane>(
         at: &ControlInstant<'_, L, Self>,
-        measured: &[L; MEASURED],
+        _measured: &[L; MEASURED],
         writer: &mut ObservationWriter<'_, L::Real>,
-    );
+    ) {
+        arm_reference::observe(at, writer);
+    }
 
     /// Instances whose position is within its bound, with the task's own conditions.
-    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask;
-
-    /// Distance (m) and angle (rad) between the end effector and its target; `bounded` are the errors of the task's frame.
-    fn end_effector_error<L: Lane>(at: &ControlInstant<'_, L, Self>, bounded: [L; 2]) -> [L; 2];
+    #[inline(always)]
+    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask {
+        shorter(at.error.position, POSITION_BOUND)
+    }
 
     /// Updates the rows [`TaskRows::updated`] for a control instant and returns its own reward term; `metrics` belong to the
     /// instant. Not called for tasks without own metrics.

@@ -6,23 +6,20 @@ use nalgebra::Vector3 as Vector;
 use serde::{Deserialize, Serialize};
 
 use super::arm_reference;
-use super::bounds::{POSITION_BOUND, SPEED_BOUND, bounded_length, shorter};
+use super::bounds::{SPEED_BOUND, bounded_length};
 use super::definition::{BaseController, ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
-use super::disturbance::{MEASURED, WaveOrbit};
+use super::disturbance::WaveOrbit;
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{Metrics, OWN_METRICS};
 use super::model::TaskModel;
-use super::observation::{Layout, ObservationWriter};
 use super::options::{TaskOptions, Tolerance, check_non_negative, check_range};
 use super::pose::Pose;
 use super::random::Stream;
-use super::reference::JointReferenceRows;
 use super::reward::RewardWeights;
 use super::settings::settings;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{self, Matrix3, Vector3, Vector6, exp_se3};
-use crate::system::JOINTS;
 
 /// Motion of the arm while docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -96,7 +93,6 @@ const ROWS: usize = 25;
 /// Numbers of the kernel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockKernel<T> {
-    joints: JointReferenceRows,
     own: usize,
     sway: T,
     heave: T,
@@ -161,20 +157,14 @@ impl TaskDefinition for Dock {
         ])
     }
 
-    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut Layout) {
-        arm_reference::push_blocks(model, layout);
-    }
-
     fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let own = rows.take(ROWS);
-        let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
-        TaskRows { joints: Some(joints), own, updated: [own + HOLD, ROWS - HOLD], ..TaskRows::default() }
+        TaskRows { own, updated: [own + HOLD, ROWS - HOLD], ..arm_reference::rows(model, rows) }
     }
 
     fn kernel<T: Real>(&self, options: &TaskOptions, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
         let number = T::from_f64;
         DockKernel {
-            joints: rows.task.joints.expect("rows of the joint references"),
             own: rows.task.own,
             sway: number(self.dock_sway),
             heave: number(self.dock_heave),
@@ -202,32 +192,21 @@ impl TaskDefinition for Dock {
 
     fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
         let amplitude = if self.arm == DockArm::Moving { self.arm_amplitude } else { 0.0 };
-        let (joints, q, period) = (&start.model.joints, &start.state.q, start.options.control_period());
-        let range = [amplitude * start.arm[0], start.arm[1]];
-        kernel.task.joints.draw(memory, joints, q, range, period, &start.draw);
+        arm_reference::sample(kernel, start, amplitude, memory);
         let target: [f64; 12] = memory.get_all(kernel.rows.target);
         memory.set_all(kernel.task.own + REST, &target);
     }
 
     #[inline(always)]
     fn begin<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
-        kernel.task.joints.begin(memory, L::splat(kernel.frequency));
+        arm_reference::begin::<L, Self>(kernel, memory);
         set_target::<L>(kernel, memory);
     }
 
     #[inline(always)]
     fn advance<L: Lane>(kernel: &TaskKernel<L::Real, Self>, memory: &mut Rows<'_, L::Real>) {
-        kernel.task.joints.advance(memory, L::splat(kernel.frequency));
+        arm_reference::advance::<L, Self>(kernel, memory);
         set_target::<L>(kernel, memory);
-    }
-
-    #[inline(always)]
-    fn joint_targets<L: Lane>(
-        kernel: &TaskKernel<L::Real, Self>,
-        memory: &Rows<'_, L::Real>,
-        joints: &mut [[L; 4]; JOINTS],
-    ) {
-        kernel.task.joints.targets(memory, L::splat(kernel.frequency), joints);
     }
 
     #[inline(always)]
@@ -238,25 +217,6 @@ impl TaskDefinition for Dock {
             linear: at.state.twist.linear - rotation.apply_transposed(Vector3([vx, vy, vz])),
             angular: at.state.twist.angular - rotation.apply_transposed(Vector3([wx, wy, wz])),
         }
-    }
-
-    #[inline(always)]
-    fn observe<L: Lane>(
-        at: &ControlInstant<'_, L, Self>,
-        _measured: &[L; MEASURED],
-        writer: &mut ObservationWriter<'_, L::Real>,
-    ) {
-        arm_reference::observe(at, &at.kernel.task.joints, writer);
-    }
-
-    #[inline(always)]
-    fn in_bounds<L: Lane>(at: &ControlInstant<'_, L, Self>) -> L::Mask {
-        shorter(at.error.position, POSITION_BOUND)
-    }
-
-    #[inline(always)]
-    fn end_effector_error<L: Lane>(at: &ControlInstant<'_, L, Self>, _bounded: [L; 2]) -> [L; 2] {
-        arm_reference::end_effector_error(at, &at.kernel.task.joints)
     }
 
     #[inline(always)]

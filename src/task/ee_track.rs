@@ -9,7 +9,7 @@ use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows, pose, set_po
 use super::model::TaskModel;
 use super::observation::{ERROR_SCALE, Layout, ObservationWriter, PREVIEW, TWIST, joint_bounds, six};
 use super::options::{TaskOptions, check_range};
-use super::path::{PATH, PathKind, PathRange, draw_path, path_advance, path_point};
+use super::path::{PATH, PathKind, draw_path, path_advance, path_point};
 use super::pose::PoseError;
 use super::reward::RewardWeights;
 use super::settings::settings;
@@ -40,13 +40,6 @@ settings! {
         points: u32 = 3;
         /// Time between them, and from now to the first, s.
         spacing: f64 = 0.2;
-    }
-}
-
-impl EETrack {
-    fn range(&self) -> PathRange {
-        let Self { reference, reference_size, reference_speed, reference_rotation, .. } = *self;
-        PathRange { kind: reference, size: reference_size, speed: reference_speed, rotation: reference_rotation }
     }
 }
 
@@ -119,8 +112,7 @@ impl TaskDefinition for EETrack {
     fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
         let EpisodeStart { options, model, .. } = start;
         let pose = model.end_effector_pose(&start.target, &model.home);
-        let (range, period) = (self.range(), options.control_period());
-        let path = draw_path(&range, &pose, start.up(), model.drives.tilt, period, &start.draw);
+        let path = draw_path(self, &pose, start.up(), model.drives.tilt, options.control_period(), &start.draw);
         memory.set_all::<f64, PATH>(kernel.task.rows.path, &path);
     }
 
@@ -168,11 +160,6 @@ impl TaskDefinition for EETrack {
             mask = L::and(mask, distance.lt(L::splat(kernel.task.travel[i])));
         }
         mask
-    }
-
-    #[inline(always)]
-    fn end_effector_error<L: Lane>(_at: &ControlInstant<'_, L, Self>, bounded: [L; 2]) -> [L; 2] {
-        bounded
     }
 }
 

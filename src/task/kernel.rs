@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::arm_reference;
 use super::bounds::{POSITION_BOUND, bounded_length, in_bounds};
 use super::definition::{ControlInstant, TaskDefinition, TaskKernel};
 use super::disturbance::{Forcing, MEASURED};
@@ -67,7 +68,10 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         self.actuation.act_into(action, actuated);
         memory.set(rows.change, change);
         memory.set_all(rows.effort, &[actuated.square, actuated.power, actuated.saturation]);
-        K::joint_targets(self, memory, joints);
+        match &rows.task.joints {
+            Some(references) if !K::DRIVES_JOINTS => references.targets(memory, L::splat(self.frequency), joints),
+            _ => {}
+        }
     }
 
     /// Moves the target and the references to the next control instant.
@@ -157,7 +161,7 @@ impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
         metrics.pose_error = squared_pose_error(metrics.position_error, metrics.attitude_error).sqrt();
         let bounded = [metrics.position_error, metrics.attitude_error];
         [metrics.end_effector_position_error, metrics.end_effector_attitude_error] =
-            K::end_effector_error(self, bounded);
+            arm_reference::end_effector_error(self, bounded);
         [metrics.effort, metrics.power, metrics.saturation] = memory.get_all(rows.effort);
         metrics.action_rate = memory.get::<L>(rows.change) * L::splat(kernel.per_entry);
         [metrics.current_x, metrics.current_y, metrics.current_z] = memory.get_all(rows.current);

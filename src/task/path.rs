@@ -14,6 +14,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
+use super::ee_track::EETrack;
 use super::pose::Pose;
 use super::random::Stream;
 use crate::lane::{Lane, Rows, sin_cos};
@@ -36,19 +37,6 @@ pub enum PathKind {
     /// One of the other kinds, drawn for each episode.
     #[default]
     Mixed,
-}
-
-/// Range that paths are drawn from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PathRange {
-    /// Kind of path.
-    pub kind: PathKind,
-    /// Maximum amplitude or radius, m; 50 to 100 % of it are drawn.
-    pub size: f64,
-    /// Maximum speed, m/s; 50 to 100 % of it are drawn.
-    pub speed: f64,
-    /// Maximum amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
-    pub rotation: f64,
 }
 
 /// Duration of the ramp from rest, s.
@@ -189,9 +177,9 @@ fn coordinates<L: Lane>(memory: &Rows<'_, L::Real>, row: usize, phase: L) -> ([L
 /// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the maximum amplitude of
 /// rotation out of the horizontal, rad, `period` the control period, s.
 ///
-/// Its maximum speed is 50 to 100 % of the range's, its angular speed at most [`TURN_SPEED`].
+/// Its maximum speed is 50 to 100 % of the task's, its angular speed at most [`TURN_SPEED`].
 pub fn draw_path(
-    range: &PathRange,
+    task: &EETrack,
     start: &Pose,
     up: &Vector3<f64>,
     tilt: f64,
@@ -199,7 +187,7 @@ pub fn draw_path(
     draw: &Stream,
 ) -> [f64; PATH] {
     let kinds = [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline];
-    let kind = match range.kind {
+    let kind = match task.reference {
         PathKind::Mixed => kinds[(draw.uniform(0) * kinds.len() as f64) as usize],
         kind => kind,
     };
@@ -208,15 +196,16 @@ pub fn draw_path(
     numbers[BASE..SHIFT].copy_from_slice(rotation.as_slice());
     numbers[RATE] = period / RAMP;
 
-    let size = range.size * draw.uniform_in(1, 0.5, 1.0);
+    let size = task.reference_size * draw.uniform_in(1, 0.5, 1.0);
     let along = draw.unit_vector(2);
     let other = draw.unit_vector(3);
     let across = along.cross(&other).try_normalize(1e-9).unwrap_or_else(|| along.cross(up));
     // About the vertical, and less out of it.
-    let maximum = tilt.min(TILT * range.rotation);
+    let maximum = tilt.min(TILT * task.reference_rotation);
     let turn = |at: u32| {
         let axis = draw.unit_vector(at);
-        (axis - up * axis.dot(up)) * maximum + up * draw.uniform_in(at + 1, -range.rotation, range.rotation)
+        (axis - up * axis.dot(up)) * maximum
+            + up * draw.uniform_in(at + 1, -task.reference_rotation, task.reference_rotation)
     };
     let six = |x: Vector3<f64>, w: Vector3<f64>| Vector6::new(x.x, x.y, x.z, w.x, w.y, w.z);
     let zero = Vector3::zeros();
@@ -248,7 +237,7 @@ pub fn draw_path(
         fastest = fastest.max(slope.fixed_rows::<3>(0).norm());
         turning = turning.max(slope.fixed_rows::<3>(3).norm());
     }
-    let speed = range.speed * draw.uniform_in(40, 0.5, 1.0);
+    let speed = task.reference_speed * draw.uniform_in(40, 0.5, 1.0);
     let pace = (speed / fastest).min(TURN_SPEED / turning);
     numbers[REACH] = if pace.is_finite() { pace * RAMP } else { 0.0 };
     let phase = draw.uniform_in(41, -PI, PI);

@@ -187,23 +187,6 @@ impl JointReferenceRows {
         }
     }
 
-    /// Draws the references of `joints` from `q` on, with factors on amplitude (rad) and speed: see
-    /// [`JointReference::draw`].
-    pub fn draw(
-        &self,
-        memory: &mut Rows<'_, f64>,
-        joints: &[Joint],
-        q: &[f64],
-        range: [f64; 2],
-        period: f64,
-        stream: &Stream,
-    ) {
-        for (i, joint) in joints.iter().enumerate() {
-            let reference = JointReference::draw(joint, q[i], range, period, stream, i as u32);
-            memory.set_all(self.reference + JointReference::<f64>::LEN * i, &reference.to_array());
-        }
-    }
-
     /// Sets the points of the first control instants from the references; `frequency` is one over the control period.
     #[inline(always)]
     pub fn begin<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, frequency: L) {

@@ -5,15 +5,14 @@ use std::f64::consts::PI;
 use nalgebra::Vector3;
 use uvms_gym::lane::Rows;
 use uvms_gym::lie::{self};
-use uvms_gym::task::Pose;
 use uvms_gym::task::path::*;
-use uvms_gym::task::{EpisodeKey, Purpose, Stream};
+use uvms_gym::task::{EETrack, EpisodeKey, Pose, Purpose, Stream};
 
 const KINDS: [PathKind; 6] =
     [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline, PathKind::Mixed];
 
-fn range(kind: PathKind) -> PathRange {
-    PathRange { kind, size: 0.4, speed: 0.2, rotation: 0.4 }
+fn task(reference: PathKind) -> EETrack {
+    EETrack { reference, reference_size: 0.4, reference_speed: 0.2, reference_rotation: 0.4, ..EETrack::default() }
 }
 
 fn start() -> Pose {
@@ -23,7 +22,7 @@ fn start() -> Pose {
 
 fn drawn(reference: PathKind, seed: u64, period: f64) -> [f64; PATH] {
     let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::REFERENCE);
-    draw_path(&range(reference), &start(), &Vector3::z(), 1.0, period, &stream)
+    draw_path(&task(reference), &start(), &Vector3::z(), 1.0, period, &stream)
 }
 
 fn at(path: &[f64; PATH], ahead: f64) -> PathPoint<f64> {
@@ -68,9 +67,9 @@ fn the_derivative_of_a_path_is_its_rate() {
 #[test]
 fn paths_stay_within_their_size_and_speed_and_all_but_points_move() {
     for (kind, seed) in KINDS.into_iter().flat_map(|kind| (0..20).map(move |seed| (kind, seed))) {
-        let (path, range) = (drawn(kind, seed, 1.0), range(kind));
+        let (path, task) = (drawn(kind, seed, 1.0), task(kind));
         // Of two points of a spline within the convex hull of its control points.
-        let distance = 2.0 * KNOT_RADIUS * range.size;
+        let distance = 2.0 * KNOT_RADIUS * task.reference_size;
         let (mut fastest, mut before) = (0.0f64, at(&path, 0.0));
         for k in 0..800 {
             let point = at(&path, 0.05 * f64::from(k));
@@ -81,9 +80,9 @@ fn paths_stay_within_their_size_and_speed_and_all_but_points_move() {
             assert!(vector(point.velocity - before.velocity).norm() < 0.025, "{kind:?} {seed} {k}");
             before = point;
         }
-        assert!(fastest <= range.speed * 1.001, "{kind:?} {seed}: {fastest}");
+        assert!(fastest <= task.reference_speed * 1.001, "{kind:?} {seed}: {fastest}");
         if !matches!(kind, PathKind::Point | PathKind::Mixed) {
-            assert!(fastest > 0.15 * range.speed, "{kind:?} {seed}: {fastest}");
+            assert!(fastest > 0.15 * task.reference_speed, "{kind:?} {seed}: {fastest}");
         }
     }
 }
