@@ -208,17 +208,22 @@ impl Task {
     pub fn policy_spec(&self) -> PolicySpec {
         PolicySpec {
             task: self.options().task.environment().into(),
-            scene: self.scene_name().into(),
+            scene: self.scene().name.clone(),
             action: self.options().action,
             actions: self.action_len(),
             control_period: self.period(),
-            observation: self.layout().blocks().iter().map(|block| (block.name.to_owned(), block.len())).collect(),
+            observation: self
+                .layout()
+                .blocks()
+                .iter()
+                .map(|block| (block.name.to_owned(), block.scale.len()))
+                .collect(),
         }
     }
 
     /// Error of a controller that does not fit this task.
     fn unfit(&self, reason: &str) -> TaskError {
-        TaskError::Scene { scene: self.scene_name().to_owned(), reason: reason.to_owned() }
+        TaskError::Scene { scene: self.scene().name.clone(), reason: reason.to_owned() }
     }
 
     /// Actions of a controller; none where actions are corrections to one.

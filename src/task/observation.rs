@@ -43,18 +43,6 @@ pub struct Block {
     pub description: &'static str,
 }
 
-impl Block {
-    /// Number of entries.
-    pub fn len(&self) -> usize {
-        self.scale.len()
-    }
-
-    /// True where there is no entry; a layout holds no empty block.
-    pub fn is_empty(&self) -> bool {
-        self.scale.is_empty()
-    }
-}
-
 /// Layout of an observation: blocks in order, without gaps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {
@@ -71,7 +59,7 @@ impl Layout {
         }
         let scale: Vec<f64> = entries.iter().map(|e| e.0).collect();
         let bound: Vec<f64> = entries.iter().map(|e| e.1 / e.0).collect();
-        let offset = self.len();
+        let offset = self.width();
         self.scale.extend(&scale);
         self.bound.extend(bound.iter().map(|b| *b as f32));
         self.blocks.push(Block { name, offset, scale, bound, unit, description });
@@ -87,14 +75,9 @@ impl Layout {
         self.blocks.iter().find(|b| b.name == name)
     }
 
-    /// Entries of a row.
-    pub fn len(&self) -> usize {
+    /// Number of entries of a row.
+    pub fn width(&self) -> usize {
         self.scale.len()
-    }
-
-    /// True where a row has no entry.
-    pub fn is_empty(&self) -> bool {
-        self.scale.is_empty()
     }
 
     /// Maximum magnitude of each entry: a row lies in `[-bound, bound]`.

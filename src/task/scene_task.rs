@@ -113,11 +113,6 @@ impl Task {
         self.model.scene_draws.as_ref()
     }
 
-    /// Name of the scene.
-    pub fn scene_name(&self) -> &str {
-        &self.model.scene.name
-    }
-
     /// Layout of an observation.
     pub fn layout(&self) -> &Layout {
         &self.model.layout
@@ -125,7 +120,7 @@ impl Task {
 
     /// Entries of an observation.
     pub fn observation_len(&self) -> usize {
-        self.model.layout.len()
+        self.model.layout.width()
     }
 
     /// Entries of an action.

@@ -29,16 +29,6 @@ impl Script {
     /// Count of numbers of a control period.
     const EACH: usize = 9;
 
-    /// Control periods.
-    pub fn len(&self) -> usize {
-        self.current.len().max(self.wrench.len())
-    }
-
-    /// True where it has no entry.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Sets current and wrench of a control period.
     fn turn_to<T: Real>(memory: &mut Column<'_, T>, row: usize, step: u32) {
         let [length, repeats] = memory.get_all(row).map(|x: f64| x as usize);
@@ -53,14 +43,14 @@ impl Component for Script {
     const SIZE: &'static str = "script";
 
     fn check(&self, _context: &DisturbanceContext) -> Result<(), TaskError> {
-        if self.len() > LONGEST {
-            return refuse("script", format!("{} control periods, but at most {LONGEST} are taken", self.len()));
+        if self.size() > LONGEST {
+            return refuse("script", format!("{} control periods, but at most {LONGEST} are taken", self.size()));
         }
         Ok(())
     }
 
     fn size(&self) -> usize {
-        self.len()
+        self.current.len().max(self.wrench.len())
     }
 
     fn rows(length: usize, _context: &DisturbanceContext) -> usize {
@@ -68,8 +58,8 @@ impl Component for Script {
     }
 
     fn begin<T: Real>(&self, memory: &mut Column<'_, T>, at: Place, _draws: &Draws<'_>) {
-        memory.set_all(at.row, [self.len() as f64, f64::from(u8::from(self.repeat))]);
-        for k in 0..self.len() {
+        memory.set_all(at.row, [self.size() as f64, f64::from(u8::from(self.repeat))]);
+        for k in 0..self.size() {
             let current = self.current.get(k).copied().unwrap_or_default();
             let wrench = self.wrench.get(k).copied().unwrap_or_default();
             memory.set_all(at.row + Self::COMMON + Self::EACH * k, current.into_iter().chain(wrench));

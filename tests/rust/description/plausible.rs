@@ -1,12 +1,9 @@
 //! Plausibility warnings about scenes, and the template.
 
+use super::shipped;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use toml::Value;
 use uvms_gym::description::Scene;
-
-fn shipped(name: &str) -> Scene {
-    Scene::shipped(name).unwrap()
-}
 
 fn texts(scene: &Scene) -> Vec<String> {
     scene.check().unwrap();

@@ -1,12 +1,9 @@
 //! Scenes as data: what is read, and what follows from it.
 
+use super::shipped;
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::{Matrix3, Vector3};
 use uvms_gym::description::{InertiaPoint, Origin, Scene};
-
-fn shipped(name: &str) -> Scene {
-    Scene::shipped(name).unwrap_or_else(|error| panic!("{error}"))
-}
 
 fn all_shipped() -> impl Iterator<Item = Scene> {
     Scene::shipped_names().into_iter().map(shipped)

@@ -8,7 +8,7 @@ fn blocks_follow_each_other_without_gaps() {
     layout.push("a", "m", "", &[(0.5, 10.0), (2.0, 10.0)]);
     layout.push("nothing", "m", "", &[]);
     layout.push("b", "m", "", &[(1.0, 3.0); 3]);
-    assert_eq!((layout.len(), layout.blocks().len()), (5, 2));
+    assert_eq!((layout.width(), layout.blocks().len()), (5, 2));
     assert_eq!(layout.block("b").unwrap().offset, 2);
     assert_eq!(layout.bound(), [20.0, 5.0, 3.0, 3.0, 3.0]);
     assert_eq!(layout.scaling().next(), Some([2.0, 20.0]));

@@ -144,7 +144,7 @@ fn observation_holds_what_the_layout_says() {
     let mut row = vec![0.0; task.observation_len()];
     let read = |row: &[f32], name: &str| -> Vec<f64> {
         let block = task.layout().block(name).unwrap();
-        (0..block.len()).map(|k| f64::from(row[block.offset + k]) * block.scale[k]).collect()
+        (0..block.scale.len()).map(|k| f64::from(row[block.offset + k]) * block.scale[k]).collect()
     };
     let near = |got: Vec<f64>, expected: &[f64]| {
         assert_eq!(got.len(), expected.len());
