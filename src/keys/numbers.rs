@@ -1,15 +1,40 @@
 //! Serialisation of vectors and matrices in short forms.
 
 use nalgebra::SMatrix;
-use serde::de::Error;
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Entry of a list that is either a diagonal (numbers) or a matrix (rows).
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "expected a number or a row of numbers")]
 enum NumberOrRow {
     Number(f64),
     Row(Vec<f64>),
+}
+
+impl<'de> Deserialize<'de> for NumberOrRow {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct NumberOrRowVisitor;
+        impl<'de> Visitor<'de> for NumberOrRowVisitor {
+            type Value = NumberOrRow;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a number or a row of numbers")
+            }
+
+            fn visit_f64<E: Error>(self, x: f64) -> Result<NumberOrRow, E> {
+                Ok(NumberOrRow::Number(x))
+            }
+
+            fn visit_i64<E: Error>(self, x: i64) -> Result<NumberOrRow, E> {
+                Ok(NumberOrRow::Number(x as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<NumberOrRow, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(seq)).map(NumberOrRow::Row)
+            }
+        }
+        d.deserialize_any(NumberOrRowVisitor)
+    }
 }
 
 /// All numbers of a list, if it holds no rows.
