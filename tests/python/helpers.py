@@ -6,6 +6,7 @@ import socket
 import sys
 import types
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -20,7 +21,7 @@ from uvms_gym import MLP, PD, PID, Simulator, load_scene
 from uvms_gym.controllers import NoControl
 from uvms_gym.envs import TaskOptions
 
-PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration")
+PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration", "thrust")
 
 
 def state_of(simulator: Simulator) -> dict[str, np.ndarray]:
@@ -33,6 +34,14 @@ def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
     assert a.keys() == b.keys()
     for name in a:
         assert a[name].tobytes() == b[name].tobytes(), name
+
+
+@contextmanager
+def unchanged(simulator: Simulator) -> Iterator[None]:
+    """Check that a simulator leaves the block in the state in which it entered."""
+    before = state_of(simulator)
+    yield
+    assert_same(state_of(simulator), before)
 
 
 def is_fixed(simulator: Simulator) -> bool:
@@ -108,6 +117,15 @@ def fixed_base() -> dict[str, Any]:
     """The arm of petasus-pum on a vehicle that is held."""
     scene = copy.deepcopy(load_scene("petasus-pum"))
     scene["vehicle"]["fixed"] = True
+    return scene
+
+
+def lagging(lag: float = 0.1, **keys: Any) -> dict[str, Any]:
+    """A vehicle whose thrusters follow their commands with a lag (s), and have these keys."""
+    scene = copy.deepcopy(load_scene("bluerov2-heavy"))
+    scene["vehicle"]["thruster_lag"] = lag
+    for thruster in scene["vehicle"]["thrusters"]:
+        thruster.update(keys)
     return scene
 
 

@@ -1,22 +1,10 @@
 """Thrusters with dynamics and fins, from Python."""
 
-import copy
-import pickle
-from typing import Any
-
 import numpy as np
 import pytest
-from helpers import assert_same, state_of
+from helpers import lagging
 
-from uvms_gym import SceneError, Simulator, load_scene
-
-
-def lagging(lag: float = 0.1, **keys: Any) -> dict[str, Any]:
-    scene = load_scene("bluerov2-heavy")
-    scene["vehicle"]["thruster_lag"] = lag
-    for thruster in scene["vehicle"]["thrusters"]:
-        thruster.update(keys)
-    return scene
+from uvms_gym import SceneError, Simulator
 
 
 def test_thrust_is_a_state_that_follows_its_command() -> None:
@@ -32,19 +20,6 @@ def test_thrust_is_a_state_that_follows_its_command() -> None:
     np.testing.assert_array_equal(s.thrust[0], command)
     s.reset()
     assert not s.thrust.any()
-
-
-def test_copies_and_pickles_keep_thrust() -> None:
-    s = Simulator(lagging(map="t200"), 3)
-    s.step(thrust=np.full(8, 30.0), substeps=3)
-    for other in (copy.deepcopy(s), pickle.loads(pickle.dumps(s))):
-        np.testing.assert_array_equal(other.thrust, s.thrust)
-        assert other.thrust.any()
-        again = copy.copy(s)
-        for simulator in (other, again):
-            simulator.step(thrust=np.full(8, -20.0), substeps=5)
-        assert_same(state_of(other), state_of(again))
-        np.testing.assert_array_equal(other.thrust, again.thrust)
 
 
 def test_a_factor_stretches_the_lag() -> None:
