@@ -35,11 +35,24 @@ def native(n=3, steps=4, seed=None, **options):
     return make_vec_env(ENV, n, seed, max_episode_steps=steps, **{"scene": SMALL, **options})
 
 
-def dummy(n=3, steps=4, seed=None, **options):
-    make = lambda: Monitor(gym.make(ENV, max_episode_steps=steps, **{"scene": SMALL, **options}))  # noqa: E731
+def dummy(n=3, steps=4, seed=None, monitor=True, **options):
+    def make():
+        env = gym.make(ENV, max_episode_steps=steps, **{"scene": SMALL, **options})
+        return Monitor(env) if monitor else env
+
     venv = DummyVecEnv([make] * n)
     venv.seed(seed)
     return venv
+
+
+def reset_alike(one, other, seed=None, options=None):
+    for venv in (one, other):
+        if seed is not None:
+            venv.seed(seed)
+        if options is not None:
+            venv.set_options(options)
+    assert same(one.reset(), other.reset())
+    assert same(one.reset_infos, other.reset_infos)
 
 
 def timeless(infos):
@@ -74,23 +87,18 @@ def test_it_is_a_dummy_vec_env_of_singles(scene, n):
     assert one.action_space == other.action_space
     assert one.metadata == other.metadata
     assert one.render_mode is other.render_mode is None
-    assert same(one.reset(), other.reset())
-    assert same(one.reset_infos, other.reset_infos)
+    reset_alike(one, other)
     assert_same_run(one, other, 12)
     # Without a new seed the streams go on.
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other)
     assert one.seed(3) == other.seed(3) == [3 + i for i in range(n)]
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other)
     assert_same_run(one, other, 6)
 
 
 def test_divergence_is_no_time_out():
     one, other = native(steps=50), dummy(steps=50)
-    rows = [LEAVING, {}, {**LEAVING, "twist": np.zeros(6)}]
-    for venv in (one, other):
-        venv.seed(1)
-        venv.set_options(rows)
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other, 1, [LEAVING, {}, {**LEAVING, "twist": np.zeros(6)}])
     ends = assert_same_run(one, other, 55)
     assert ends[:, 0].sum() > ends[:, 1].sum() == 1
     one.set_options(LEAVING)
@@ -111,21 +119,16 @@ def test_divergence_is_no_time_out():
 )
 def test_options_are_for_one_reset_and_may_differ(options):
     one, other = native(), dummy()
-    for venv in (one, other):
-        venv.seed(5)
-        venv.set_options(options)
-    assert same(one.reset(), other.reset())
-    assert same(one.reset_infos, other.reset_infos)
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other, 5, options)
+    reset_alike(one, other)
 
 
 def test_a_refused_reset_keeps_seeds_and_options():
     venv = native(seed=5)
     venv.set_options({"wind": 1.0})
-    with pytest.raises(ValueError, match="unknown reset option 'wind'"):
-        venv.reset()
-    with pytest.raises(ValueError, match="unknown reset option 'wind'"):
-        venv.reset()
+    for _ in range(2):
+        with pytest.raises(ValueError, match="unknown reset option 'wind'"):
+            venv.reset()
     venv.set_options([{}, {}])
     with pytest.raises(ValueError, match="options of 2 instances"):
         venv.reset()
@@ -153,19 +156,16 @@ def test_infos_are_dicts_of_their_own_and_full_only_where_an_episode_ended():
 
 def test_refused_actions_change_nothing():
     one, other = native(seed=2), native(seed=2)
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other)
     for wrong in (np.full((3, 6), np.nan), np.zeros((2, 6)), None):
         with pytest.raises(ValueError, match="action"):
             one.step(wrong)
     assert_same_run(one, other, 6)
 
 
-def test_a_step_before_the_first_reset_is_refused():
+def test_other_vector_environments_and_steps_before_a_reset_are_refused():
     with pytest.raises(gym.error.ResetNeeded):
         native().step(np.zeros((3, 6)))
-
-
-def test_other_vector_environments_are_refused():
     with pytest.raises(ValueError, match="SameStep"):
         NativeVecEnv(gym.make_vec(ENV, 2, scene=SMALL))
     with pytest.raises(TypeError, match="not TimeLimit"):
@@ -175,10 +175,7 @@ def test_other_vector_environments_are_refused():
 def test_an_environment_that_does_not_reset_itself_is_reset():
     envs = gym.make_vec(ENV, 3, scene=SMALL, autoreset_mode="Disabled", max_episode_steps=5)
     one, other = NativeVecEnv(envs), dummy(steps=5)
-    for venv in (one, other):
-        venv.seed(1)
-        venv.set_options([LEAVING, {}, {}])
-    assert same(one.reset(), other.reset())
+    reset_alike(one, other, 1, [LEAVING, {}, {}])
     ends = assert_same_run(one, other, 12)
     assert (ends[:, 0] != ends[:, 1]).any()
 
@@ -200,8 +197,7 @@ def test_a_wrapped_vector_environment_is_taken():
 
 def test_attributes_of_single_instances():
     venv, singles = native(seed=3), dummy(seed=3)
-    venv.reset()
-    singles.reset()
+    reset_alike(venv, singles)
     for env in (venv, singles):
         assert env.get_attr("render_mode") == [None] * 3
         assert env.get_attr("observation_space", 0) == [env.observation_space]
@@ -231,8 +227,7 @@ def test_attributes_of_single_instances():
 def test_methods_of_single_instances():
     # A TimeLimit of Gymnasium's would not go back with the state.
     venv, singles = native(steps=50, seed=3), dummy(steps=50, seed=3)
-    venv.reset()
-    singles.reset()
+    reset_alike(venv, singles)
     for env in (venv, singles):
         states = env.env_method("get_state", indices=[1, 2])
         env.step(np.zeros((3, 6)))
@@ -264,10 +259,8 @@ def test_copies_go_on_alike():
     venv.reset()
     venv.set_attr("level", 1)
     venv.step(np.ones((3, 6)))
-    others = [copy.deepcopy(venv), pickle.loads(pickle.dumps(venv)), cloudpickle.loads(cloudpickle.dumps(venv))]
-    expected = copy.deepcopy(venv)
-    for other in others:
-        assert_same_run(other, copy.deepcopy(expected), 9)
+    for other in (copy.deepcopy(venv), pickle.loads(pickle.dumps(venv)), cloudpickle.loads(cloudpickle.dumps(venv))):
+        assert_same_run(other, copy.deepcopy(venv), 9)
         assert other.get_attr("level") == [1] * 3
 
 
@@ -302,19 +295,12 @@ def test_off_policy_learning_works():
 
 
 def test_evaluation_works_and_is_that_of_singles(tmp_path):
-    callback = EvalCallback(
-        native(2, 5),
-        n_eval_episodes=3,
-        eval_freq=16,
-        log_path=str(tmp_path),
-        best_model_save_path=str(tmp_path),
-        verbose=0,
-    )
-    model = learn(native(4, 9), 128, callback=callback)
+    folders = {"log_path": str(tmp_path), "best_model_save_path": str(tmp_path)}
+    callback = EvalCallback(native(2, 5), n_eval_episodes=3, eval_freq=16, verbose=0, **folders)
+    model = learn(native(4, 9), callback=callback)
     assert (tmp_path / "best_model.zip").is_file()
-    assert np.load(tmp_path / "evaluations.npz")["ep_lengths"].tolist() == [[5, 5, 5]] * len(
-        callback.evaluations_results
-    )
+    lengths = np.load(tmp_path / "evaluations.npz")["ep_lengths"]
+    assert lengths.tolist() == [[5, 5, 5]] * len(callback.evaluations_results)
     got, expected = (
         evaluate_policy(model, venv, 5, return_episode_rewards=True) for venv in (native(2, 5, 8), dummy(2, 5, 8))
     )
@@ -332,14 +318,7 @@ def test_controllers_are_evaluated_as_policies_are(controller):
 
 @pytest.mark.parametrize("wrap", [VecNormalize, VecCheckNan, lambda venv: VecFrameStack(venv, 3), VecMonitor])
 def test_wrappers_are_those_of_a_dummy(wrap, tmp_path):
-    monitor = wrap is not VecMonitor
-    one = wrap(native(seed=6, monitor=monitor))
-    if monitor:
-        other = wrap(dummy(seed=6))
-    else:
-        bare = DummyVecEnv([lambda: gym.make(ENV, max_episode_steps=4, scene=SMALL)] * 3)
-        bare.seed(6)
-        other = wrap(bare)
+    one, other = (wrap(make(seed=6, monitor=wrap is not VecMonitor)) for make in (native, dummy))
     assert same(one.reset(), other.reset())
     assert_same_run(one, other, 10)
     if wrap is VecNormalize:
