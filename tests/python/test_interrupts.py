@@ -46,6 +46,9 @@ interrupted("plan", lambda: uvms_gym.optimize_trajectory(one, horizon=5000, subs
 envs = gymnasium.make_vec("UVMS-StationKeep-Storm-v0", num_envs=256, threads=1)
 envs.reset(seed=0)
 interrupted("rollout", lambda: uvms_gym.Rollout(envs, controllers.MPC(envs)).run(10**6))
+several = Simulator("petasus-pum", 64)
+interrupted("step", lambda: several.step(substeps=10**15))
+assert (several.time > 0).all()  # what was done stays
 """
 
 LONG = """

@@ -1,4 +1,4 @@
-"""Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque, MPC."""
+"""Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque, MPC, NMPC."""
 
 import inspect
 from typing import Any
@@ -14,17 +14,19 @@ from uvms_gym.envs.station_keep import StationKeepVectorEnv
 OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
 KINDS: list[Any] = [PDRestoring, AdaptiveDOB, *OBSERVING]
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
+PLANNED = ["UVMS-StationKeep", "UVMS-EETrack"]
 FILTERED = {"wave_acceleration": [0.3, 0.3], "acceleration_noise": [0.05, 0.3], "observer_bandwidth": [8.0, 8.0]}
 
 
-def run(env: StationKeepVectorEnv, controller: Any, steps: int, **reset: Any) -> tuple[np.ndarray, Any, Any]:
-    """Last observation, state of the controller and info."""
-    observation, info = env.reset(**reset)
+def run(env: Any, controller: Any, steps: int) -> tuple[Any, Any]:
+    """State of the controller and info after these steps."""
+    observation, info = env.reset(seed=1)
     state = None
     for _ in range(steps):
         action, state = controller.predict(observation, state)
+        assert (np.abs(action) <= 1.0).all()
         observation, _, _, _, info = env.step(action)
-    return observation, state, info
+    return state, info
 
 
 def pushed(wrench: list[float], steps: int, **more: Any) -> StationKeepVectorEnv:
@@ -41,7 +43,7 @@ def test_a_constant_wrench_is_observed_as_it_is(kind: Any, options: Any, delay: 
     env = pushed(wrench, 200, arm={"amplitude": 0.0}, delay={"periods": delay})
     controller = kind(env, delay=None, **options)
     assert controller.delay == delay
-    _, state, _ = run(env, controller, 200, seed=1)
+    state, _ = run(env, controller, 200)
     np.testing.assert_allclose(controller.disturbance(state), [wrench] * 2, atol=0.03)
 
 
@@ -65,15 +67,16 @@ def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any
 def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
     still = {"start_distance": 0.0, "start_angle": 0.0}
     env = StationKeepVectorEnv(16, scene=scene, action=action, max_current=0.2, max_episode_steps=None, **still)
-    errors = []
-    for controller in (kind(env), PD(env)):
+
+    def settled(controller: Any) -> Any:
         rollout = uvms_gym.Rollout(env, controller)
         env.reset(seed=5)
-        rollout.run(200)
-        rollout.pop_stats()
-        rollout.run(200)
-        errors.append(rollout.pop_stats().sums["position_error"].mean() / 200)
-    with_model, plain = errors
+        for _ in range(2):
+            rollout.run(200)
+            stats = rollout.pop_stats()
+        return stats.sums["position_error"].mean() / 200
+
+    with_model, plain = settled(kind(env)), settled(PD(env))
     assert with_model < (1.02 if kind is PDRestoring else 0.4) * plain, (with_model, plain)
 
 
@@ -130,11 +133,53 @@ def test_gains_are_checked(kind: Any) -> None:
         kind(env, **{name: [1.0, float("inf"), *[1.0] * (length - 2)]})
     with pytest.raises(ValueError, match="corrections"):
         kind(scene="petasus-pum", action="residual")
-    with pytest.raises(
-        ValueError,
-        match=f"{kind.__name__} is for UVMS-StationKeep, not for UVMS-EETrack; controllers of .*ResolvedMotion",
-    ):
-        kind(gym.make("UVMS-EETrack-v0"))
+
+
+@pytest.mark.parametrize("task", PLANNED)
+def test_gains_of_nonlinear_plans_are_checked(task: str) -> None:
+    env = gym.make(f"{task}-Storm-v0")
+    with pytest.raises(ValueError, match=r"gain effort\[1\] = -1"):
+        NMPC(env, effort=[1.0, -1.0, 1.0])
+    with pytest.raises(ValueError, match="gain posture"):
+        NMPC(env, posture=float("nan"))
+    with pytest.raises(ValueError, match=r"gain velocity is \[1.0\], but must be 3 numbers"):
+        NMPC(env, velocity=[1.0])
+    with pytest.raises(ValueError, match="delay"):
+        NMPC(env, delay=11)
+
+
+@pytest.mark.parametrize("task", PLANNED)
+def test_nonlinear_plans_reach_the_target_with_a_perfect_model(task: str) -> None:
+    options: Any = {"disturbance": {"arm": {"amplitude": 0.0}}}
+    if task == "UVMS-EETrack":
+        options = {"disturbance": {}, "reference": "point"}
+    env = gym.make_vec(f"{task}-v0", num_envs=2, max_episode_steps=None, **options)
+    _, info = run(env, NMPC(env), 400)
+    assert info["position_error"].max() < 5e-3
+    assert info["attitude_error"].max() < 1e-2
+
+
+@pytest.mark.parametrize("task", PLANNED)
+def test_nonlinear_plans_are_within_the_limits(task: str) -> None:
+    env = gym.make_vec(f"{task}-Storm-v0", num_envs=4)
+    controller = NMPC(env, effort=[1e-7] * 3, change=[0.0, 0.0])
+    state, _ = run(env, controller, 10)
+    assert np.abs(state[:, controller.memory_layout["plan"]]).max() == 1.0
+
+
+@pytest.mark.parametrize("task", PLANNED)
+@pytest.mark.parametrize("value", [1e15, -1e25, 3e38])
+def test_a_huge_observation_gives_an_action_and_leaves_other_rows_as_they_are(task: str, value: float) -> None:
+    env = gym.make_vec(f"{task}-v0", num_envs=2)
+    controller, begun = NMPC(env), np.ones(2, dtype=bool)
+    observations, _ = env.reset(seed=0)
+    usual, state = controller.predict(observations)
+    for entry in range(observations.shape[1]):
+        changed = observations.copy()
+        changed[0, entry] = value
+        actions, memory = controller.predict(changed, episode_start=begun)
+        assert np.all(np.abs(actions) <= 1.0) and np.all(np.isfinite(memory))
+        assert actions[1].tobytes() == usual[1].tobytes() and memory[1].tobytes() == state[1].tobytes()
 
 
 @pytest.mark.parametrize("kind", [DOB, ComputedTorque, MPC, AdaptiveDOB])
@@ -155,12 +200,9 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
     scene = uvms_gym.load_scene("petasus-pum")
     scene["vehicle"]["body"]["center_of_mass"][0] += 0.02
     env = StationKeepVectorEnv(1, scene=scene, max_current=0.0, arm_amplitude=0.0, max_episode_steps=None)
-    tilts = []
-    for kind in (PD, PDRestoring):
-        _, _, info = run(env, kind(env), 400, seed=1)
-        tilts.append(info["attitude_error"][0])
-    assert tilts[0] > 0.05
-    assert tilts[1] < 1e-3
+    plain, compensated = (run(env, kind(env), 400)[1]["attitude_error"][0] for kind in (PD, PDRestoring))
+    assert plain > 0.05
+    assert compensated < 1e-3
 
 
 @pytest.mark.parametrize("kind", [*KINDS, NMPC, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])

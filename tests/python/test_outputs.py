@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from helpers import LEAVING, same, small, task_ids
+from helpers import LEAVING, other_than, same, small, task_ids
 
 pytestmark = pytest.mark.parametrize("task", task_ids())
 
@@ -14,11 +14,6 @@ STEPS = 12
 def make(task, **kwargs):
     # Episodes end several times, each time of all instances.
     return gym.make_vec(task, 5, scene=small(task), max_episode_steps=4, **kwargs)
-
-
-def actions(envs, step):
-    shape = envs.action_space.shape
-    return np.random.default_rng(step).uniform(-0.1, 0.1, shape).astype(np.float32)
 
 
 def copied(result):
@@ -31,7 +26,7 @@ def copied(result):
 def steps(envs, read, **options):
     """Results of `read` for each of some steps, from a fresh start."""
     envs.reset(seed=3, options=options)
-    return [read(envs.step(actions(envs, k))) for k in range(STEPS)]
+    return [read(envs.step(other_than(k, envs))) for k in range(STEPS)]
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
@@ -71,16 +66,16 @@ def test_reset_results_are_never_reused(task):
     envs = make(task, copy=False)
     observations, infos = envs.reset(seed=0)
     kept = copied((observations, infos))
-    envs.step(actions(envs, 0))
+    envs.step(other_than(0, envs))
     assert same(copied((observations, infos)), kept)
 
 
 def test_arrays_that_cannot_be_written_to_are_refused(task):
     envs = make(task, copy=False)
     envs.reset(seed=0)
-    observations, *_ = envs.step(actions(envs, 0))
+    observations, *_ = envs.step(other_than(0, envs))
     before = envs.get_state()
     observations.flags.writeable = False
     with pytest.raises(TypeError, match="not writeable"):
-        envs.step(actions(envs, 1))
+        envs.step(other_than(1, envs))
     assert same(envs.get_state(), before)

@@ -18,6 +18,7 @@ from uvms_gym.cli import main
 from uvms_gym.cli.film import film
 from uvms_gym.cli.overlay import COLOURS, Overlay
 from uvms_gym.cli.pictures import Frame, read_settings
+from uvms_gym.cli.play import _run
 from uvms_gym.envs.rendering import between, shots
 from uvms_gym.viewer.curves import CURVES, error_curves
 
@@ -70,9 +71,8 @@ def test_a_dock_is_seen_from_the_start(scene: str) -> None:
     shot = {name: rows[0] for name, rows in shots(env.unwrapped._native).items()}
     picture, renderer = env.render(), Renderer(scene)
     assert (picture == renderer.draw(**shot)).all()
-    dock = shot.pop("dock")
-    place = {"position": shot["position"], "rotation": shot["rotation"], "dock": dock}
-    x, y, _ = renderer.project([dock[:3, 3]], **place)[0]
+    place = {name: shot[name] for name in ("position", "rotation", "dock")}
+    x, y, _ = renderer.project([shot["dock"][:3, 3]], **place)[0]
     # Its colour, which neither water nor floor has, is about its place.
     red, green, blue = np.moveaxis(picture[int(y) - 60 : int(y) + 60, int(x) - 60 : int(x) + 60].astype(int), 2, 0)
     assert ((red > 1.15 * green) & (green > 1.5 * blue)).sum() > 100
@@ -92,17 +92,15 @@ def test_the_picture_of_the_scene_is_whole() -> None:
 
 @pytest.mark.parametrize(("task", "scene"), CASES)
 def test_no_two_curves_are_one_line(task: str, scene: str) -> None:
-    curves = error_curves(gym.make(task, scene=scene))
-    rows: list[list[float]] = []
-    play(task, scene, 3, 20, lambda _, info: rows.append([info[curve.entry] for curve in curves]))
-    # None is lost: those left out are equal to one that is drawn.
-    every: list[list[float]] = []
-    play(task, scene, 3, 20, lambda _, info: every.append([info[curve.entry] for curve in CURVES]))
-    values, everything = np.array(rows).T, np.array(every).T
-    for one, other in itertools.combinations(values, 2):
+    infos: list[dict[str, float]] = []
+    play(task, scene, 3, 20, lambda _, info: infos.append(info))
+    rows = {curve: [info[curve.entry] for info in infos] for curve in CURVES}
+    drawn = [rows[curve] for curve in error_curves(gym.make(task, scene=scene))]
+    for one, other in itertools.combinations(drawn, 2):
         assert not np.allclose(one, other)
-    for row in everything:
-        assert any(np.allclose(row, drawn) for drawn in values)
+    # None is lost: curves that are left out are equal to one that is drawn.
+    for row in rows.values():
+        assert any(np.allclose(row, other) for other in drawn)
 
 
 def test_an_animation_keeps_the_colours_of_the_curves(tmp_path: Path) -> None:
@@ -122,16 +120,13 @@ def test_an_animation_keeps_the_colours_of_the_curves(tmp_path: Path) -> None:
 def test_a_film_shows_what_is_between_control_instants() -> None:
     env: Any = gym.make("UVMS-StationKeep-Storm-v0", disable_env_checker=True)
     controller = uvms_gym.make_controller("pd", env)
-    from uvms_gym.cli.play import _run
-
     frame = Frame("title", "", 0.4, read_settings("160x120", 50.0, None, ".mp4"))
     pictures = list(film(env.unwrapped, _run(env, controller, 0, 4, 0.1), frame))
     # One every 20 ms, from the start to the end.
     assert len(pictures) == 21
     assert all((a != b).any() for a, b in itertools.pairwise(pictures))
-    last = list(film(env.unwrapped, _run(env, controller, 0, 4, 0.1), frame, last=True))
-    assert len(last) == 1
-    assert (last[0][:90] == pictures[-1][:90]).all()
+    (last,) = film(env.unwrapped, _run(env, controller, 0, 4, 0.1), frame, last=True)
+    assert (last[:90] == pictures[-1][:90]).all()
 
 
 def test_poses_between_two_are_poses() -> None:

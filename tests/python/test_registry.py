@@ -29,11 +29,9 @@ KP = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
 KD = [11.0, 21.0, 31.0, 5.0, 6.0, 7.0]
 
 
-def network(seed: int = 0, **arguments: Any) -> MLP:
+def network(seed: int = 0, residual: bool = False, **arguments: Any) -> MLP:
     """A policy for the small scene at a control period of 0.1 s."""
-    options = {"scene": SMALL, "substeps": 10} | arguments
-    residual = options.pop("residual", False)
-    return MLP(**layers((30 if residual else 24, 8, 6), seed), residual=residual, **options)
+    return MLP(**layers((30 if residual else 24, 8, 6), seed), residual=residual, **OPTIONS, **arguments)
 
 
 @pytest.fixture
@@ -98,12 +96,6 @@ def test_what_is_available_is_what_there_is_all_for(shipped: Path) -> None:
     assert set(names()) > set(names("ee-track")) > {"none", "resolved", "ppo"}
 
 
-def test_an_unknown_controller_is_told_the_known_ones_of_its_task() -> None:
-    line = message("magic")
-    assert "unknown controller 'magic'; known: none, pd" in line and "resolved" not in line
-    assert "controller 'pd' is not for UVMS-EETrack; for it: none, nmpc, resolved" in message("pd", task="ee-track")
-
-
 def test_a_controller_is_a_family_and_a_setting() -> None:
     for name, entry in CONTROLLERS.items():
         family, setting = split(name)
@@ -113,18 +105,11 @@ def test_a_controller_is_a_family_and_a_setting() -> None:
     # No two have files of one name.
     assert len({name.replace("/", "-") for name in CONTROLLERS}) == len(CONTROLLERS)
     assert canonical("mlp:a/b.safetensors") == "mlp:a/b.safetensors"
-    env = gymnasium.make(STORM)
-    alike = [
-        make_controller("dob", "calm", env),
-        make_controller("dob/calm", env),
-        make_controller("dob/calm", env=env),
-    ]
-    alike.append(make_controller("dob", setting="calm", **env.unwrapped.options.to_dict()))  # type: ignore[attr-defined]
-    assert (
-        len({repr(made) for made in alike})
-        == 1
-        != len({repr(made) for made in (alike[0], make_controller("dob", env))})
-    )
+    env: Any = gymnasium.make(STORM)
+    alike = {repr(make_controller(*given)) for given in (("dob", "calm", env), ("dob/calm", env))}
+    alike |= {repr(make_controller("dob/calm", env=env))}
+    alike |= {repr(make_controller("dob", setting="calm", **env.unwrapped.options.to_dict()))}
+    assert len(alike) == 1 and repr(make_controller("dob", env)) not in alike
 
 
 @pytest.mark.parametrize(
@@ -136,14 +121,19 @@ def test_a_controller_is_a_family_and_a_setting() -> None:
         ("py:own.py:Own", "'py:own.py:Own' names Python code, which only commands and comparisons run"),
         ("dob-calm", "unknown controller 'dob-calm'; close to it: dob/calm, "),
         ("mcp", "unknown controller 'mcp'; close to it: mpc"),
-        (
-            "residual/resolved-dob",
-            "controller 'residual/resolved-dob' is not for UVMS-StationKeep; for it: residual/pd, res",
-        ),
+        ("magic", "unknown controller 'magic'; known: none, pd"),
+        ("residual/resolved-dob", "controller 'residual/resolved-dob' is not for UVMS-StationKeep; for it: residual/p"),
     ],
 )
-def test_an_unknown_setting_is_told_the_close_ones(name: str, line: str) -> None:
-    assert message(name).startswith(line)
+def test_errors_of_unknown_names_list_close_ones_of_the_task(name: str, line: str) -> None:
+    text = message(name)
+    assert text.startswith(line)
+    # That one is for another task.
+    assert "resolved" not in text or "resolved" in name
+
+
+def test_errors_of_another_task_list_its_controllers() -> None:
+    assert "controller 'pd' is not for UVMS-EETrack; for it: none, nmpc, resolved" in message("pd", task="ee-track")
 
 
 @pytest.mark.parametrize("name", ["dob/calm", "mlp:policy.safetensors"])
@@ -169,14 +159,12 @@ def test_a_folder_of_policies_is_searched_for_a_while(shipped: Path, tmp_path: P
     assert "out has no policies TASK/SCENE/PERIODs/NAME-SEED.safetensors" in capsys.readouterr().err
 
 
-def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> None:
+def test_errors_of_missing_policies_list_the_shipped_ones(shipped: Path) -> None:
     where = f"UVMS-StationKeep, scene {SMALL}, control period 0.1 s, actions wrench"
-    assert message("residual", Unavailable).startswith(
-        f"no policy residual is there for {where}; for it: ppo, residual/pd"
-    )
-    assert (
-        message("ppo", Unavailable, seed=1) == f"no policy ppo of training seed 1 is there for {where}; its seeds: 0, 3"
-    )
+    line = message("residual", Unavailable)
+    assert line.startswith(f"no policy residual is there for {where}; for it: ppo, residual/pd")
+    line = message("ppo", Unavailable, seed=1)
+    assert line == f"no policy ppo of training seed 1 is there for {where}; its seeds: 0, 3"
     line = message("ppo", Unavailable, substeps=5)
     assert "control period 0.05 s" in line and f"policies are for UVMS-StationKeep {SMALL} 0.1s" in line
     assert "scene petasus-pum" in message("ppo", Unavailable, scene="petasus-pum")

@@ -2,8 +2,7 @@
 
 import copy
 import pickle
-import threading
-from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -59,15 +58,11 @@ def test_a_picture_depends_on_its_arguments_alone() -> None:
     simulator, renderer = moved(PETASUS), Renderer(PETASUS, width=160, height=120)
     more = {"thrust": [50.0, -100.0, 20.0, 0.0, 10.0, 70.0], "current": [0.2, 0.1, 0.0], "time": 2.0}
     first = drawn(renderer, simulator, **more)
-    assert (first.dtype, first.shape, first.flags.owndata or first.base is not None) == (np.uint8, (120, 160, 3), True)
+    assert (first.dtype, first.shape) == (np.uint8, (120, 160, 3))
     others = [drawn(renderer, moved(PETASUS, 1)), drawn(renderer, simulator, **more | {"time": 3.0})]
     assert all((other != first).any() for other in others)
-    for again in (
-        renderer,
-        copy.deepcopy(renderer),
-        pickle.loads(pickle.dumps(renderer)),
-        Renderer(PETASUS, width=160, height=120),
-    ):
+    copies = [copy.deepcopy(renderer), pickle.loads(pickle.dumps(renderer))]
+    for again in (renderer, *copies, Renderer(PETASUS, width=160, height=120)):
         assert drawn(again, simulator, **more).tobytes() == first.tobytes()
     first[:] = 0
     assert drawn(renderer, simulator, **more).any()
@@ -93,23 +88,17 @@ def test_everything_that_can_be_drawn_is_seen(more: dict[str, Any]) -> None:
 
 def test_pictures_are_drawn_side_by_side() -> None:
     simulator, renderer = moved(PETASUS), Renderer(PETASUS, width=160, height=120)
-    expected, drawings = drawn(renderer, simulator), []
-    threads = [threading.Thread(target=lambda: drawings.append(drawn(renderer, simulator))) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(drawings) == 4
-    assert all((drawing == expected).all() for drawing in drawings)
+    expected = drawn(renderer, simulator)
+    with ThreadPoolExecutor(4) as executor:
+        for drawing in executor.map(lambda _: drawn(renderer, simulator), range(4)):
+            assert (drawing == expected).all()
 
 
 def test_what_is_not_finite_is_left_out() -> None:
     renderer = Renderer(PETASUS, width=64, height=48)
     for bad in (np.nan, np.inf, -np.inf, 1e300):
-        picture = renderer.draw(
-            np.full(3, bad), np.full((3, 3), bad), np.full(5, bad), current=np.full(3, bad), time=bad
-        )
-        assert picture.shape == (48, 64, 3)
+        place = (np.full(shape, bad) for shape in (3, (3, 3), 5))
+        assert renderer.draw(*place, current=np.full(3, bad), time=bad).shape == (48, 64, 3)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +159,6 @@ def test_pictures_are_a_sequence_of_what_was() -> None:
     envs = gym.make_vec(ENV, num_envs=3, scene=PETASUS, render_mode="rgb_array")
     envs.reset(seed=0)
     frames = envs.render()
-    assert isinstance(frames, Sequence)
     assert isinstance(frames, Pictures)
     for _ in range(5):
         envs.step(np.ones(envs.action_space.shape, dtype=np.float32))
@@ -181,9 +169,6 @@ def test_pictures_are_a_sequence_of_what_was() -> None:
     assert [f.shape for f in frames[::2]] == [(480, 640, 3)] * 2
     with pytest.raises(IndexError):
         frames[3]
-    env = gym.make(ENV, scene=PETASUS, render_mode="rgb_array")
-    env.reset(seed=1)
-    assert (env.render() == frames[1]).all()
 
 
 def test_videos_of_vector_environments_are_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -253,6 +238,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
     for arguments, message in [
         (["--out", "x.mp4"], "imageio-ffmpeg, pillow not installed; run: pip install 'uvms-gym[view]'"),
         (["--window"], "pillow, pygame not installed; run: pip install 'uvms-gym[view]'"),
+        (["--web"], "viser not installed; run: pip install 'uvms-gym[view]'"),
     ]:
         assert main(["play", *arguments]) == 2
         assert message in capsys.readouterr().err

@@ -43,11 +43,8 @@ def assert_equal(rollout: Rollout, steps: int, expected: dict[str, Any]) -> Any:
     """Check a rollout from here on against the numbers of stepping; its statistics."""
     rollout.run(steps)
     stats = rollout.pop_stats()
-    for name in ("steps", "returns", "terminated", "truncated"):
-        np.testing.assert_array_equal(getattr(stats, name), expected[name], err_msg=name)
-    for kind in ("sums", "squares", "last"):
-        for name in INFO:
-            np.testing.assert_array_equal(getattr(stats, kind)[name], expected[kind][name], err_msg=f"{kind} {name}")
+    for name in expected.keys() - {"seen"}:
+        np.testing.assert_equal(getattr(stats, name), expected[name], err_msg=name)
     return stats
 
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -101,24 +102,28 @@ def test_gradients_are_those_of_differences_between_episodes(
         np.testing.assert_allclose(gradient[t], wanted, atol=0.01 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize(("env", "start"), [(ENV, {}), (TRACKING, {}), (DOCK, NEAR)])
-def test_a_simulator_without_pushes_gives_nearly_the_gradient_in_a_storm(env: str, start: dict[str, float]) -> None:
-    case = Case(env, disturbance={"base": "storm", "noise": None}, thruster_lag=0.1, **start)
+STORM: dict[str, Any] = {"base": "storm", "noise": None}
+
+
+@pytest.mark.parametrize(
+    ("env", "disturbance", "start", "bound"),
+    [
+        # The simulator has no pushes. Seen: 0.98 and more.
+        (ENV, STORM, {}, 0.95),
+        (TRACKING, STORM, {}, 0.95),
+        (DOCK, STORM, NEAR, 0.95),
+        # The simulator has the drawn parameters. Seen: 0.9986 and more; 0.95 with the scene's own.
+        (TRACKING, {"base": "storm-wide", "noise": None, "thrusters": None}, {}, 0.99),
+    ],
+)
+def test_the_gradient_in_a_storm_has_nearly_the_direction_of_differences(
+    env: str, disturbance: dict[str, Any], start: dict[str, float], bound: float
+) -> None:
+    case = Case(env, disturbance=disturbance, thruster_lag=0.1, **start)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 1):
         one, other = gradient[t].ravel(), case.differences(t).ravel()
-        # Seen: 0.98 and more.
-        assert one @ other > 0.95 * np.linalg.norm(one) * np.linalg.norm(other)
-
-
-def test_a_simulator_with_the_drawn_parameters_gives_the_gradient_of_unknown_vehicles() -> None:
-    disturbance = {"base": "storm-wide", "noise": None, "thrusters": None}
-    case = Case(TRACKING, disturbance=disturbance, thruster_lag=0.1)
-    gradient = case.gradient()
-    for t in (0, 7, STEPS - 1):
-        one, other = gradient[t].ravel(), case.differences(t).ravel()
-        # Seen: 0.9986 and more; 0.95 with the scene's own parameters.
-        assert one @ other > 0.99 * np.linalg.norm(one) * np.linalg.norm(other)
+        assert one @ other > bound * np.linalg.norm(one) * np.linalg.norm(other)
 
 
 def test_the_price_of_postures_is_in_the_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,16 +151,12 @@ def test_the_costs_of_windows_are_those_of_their_episodes(monkeypatch: pytest.Mo
     small = {"n_envs": 8, "batch_size": 8, "horizon": 5, "n_steps": 10, "net_arch": [16], "priority": 1.0}
     found = read_hyperparameters(ENV, algo="shac") | small
     learner = Shac(Settings(ENV, found, {"max_episode_steps": 10}, algo="shac"))
-    seen = []
-
-    def draw(costs: torch.Tensor, exponent: float, shape: torch.Size, generator: torch.Generator) -> torch.Tensor:
-        seen.append((costs, exponent))
-        return _prioritized(costs, exponent, shape, generator)
-
+    draw = mock.Mock(wraps=_prioritized)
     monkeypatch.setattr("uvms_gym.training.shac._prioritized", draw)
     episodes, more = learner.collect(learner.actor, 0, 10)
     learner.update(episodes, more, torch.Generator().manual_seed(0))
-    ((costs, exponent),) = seen
+    draw.assert_called_once()
+    costs, exponent, *_ = draw.call_args.args
     assert exponent == 1.0
     # Two windows of each episode.
     assert costs.numpy() == pytest.approx(-np.repeat(episodes.rewards.mean(dim=1).numpy(), 2), rel=1e-5)

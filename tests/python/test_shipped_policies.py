@@ -1,22 +1,26 @@
-"""Files in the package: tuned gains, policies, and the results that are stored beside them."""
+"""Files in the package: tuned gains, policies and their stored results; and the scripts that make them."""
 
 import json
+import py_compile
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from helpers import policy as random_policy
 
 from uvms_gym import MLP, Rollout
 from uvms_gym.controllers.families import CONTROLLERS, names
 from uvms_gym.controllers.registry import PRETRAINED, make_controller, policies_in
 from uvms_gym.studies.comparison.verification import verify
+from uvms_gym.training.finished import is_finished
 
 # Without control an arm may be flung at its stops.
 pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 
-MORE = Path(__file__).parents[2] / "training" / "policies"
+TRAINING = Path(__file__).parents[2] / "training"
+MORE = TRAINING / "policies"
 FILES = sorted([*PRETRAINED.glob("*/*/*/*.safetensors"), *MORE.glob("*/*/*/*.safetensors")])
 RESULTS = sorted(PRETRAINED.glob("*/*/*/results.json"))
 GAINS = sorted(PRETRAINED.glob("*/*/*/gains.json"))
@@ -141,3 +145,22 @@ def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
         pose = stats.squares["position_error"] + 0.5**2 * stats.squares["attitude_error"]
         errors[name] = np.median(np.sqrt(pose / stats.steps))
     assert all(errors[name] < errors[BASE[folder.parents[1].name]] for name in learned), errors
+
+
+@pytest.mark.parametrize("script", sorted(TRAINING.glob("*.py")), ids=lambda path: path.name)
+def test_a_script_compiles(script: Path, tmp_path: Path) -> None:
+    py_compile.compile(str(script), cfile=str(tmp_path / "compiled"), doraise=True)
+
+
+def test_a_policy_is_finished_where_its_run_took_all_steps(tmp_path: Path) -> None:
+    file = tmp_path / "policy.safetensors"
+    assert not is_finished(file)
+    notes = {"hyperparameters": json.dumps({"n_timesteps": 6_000_000})}
+    for steps, finished in (("369152", False), ("6000000", True), ("6000640", True)):
+        random_policy(notes={**notes, "steps": steps}).save(file)
+        assert is_finished(file) is finished
+    file.write_bytes(file.read_bytes()[:-1])
+    assert not is_finished(file)
+    random_policy().save(file)
+    assert not is_finished(file)
+    assert all(is_finished(path) for at in (PRETRAINED, TRAINING) for path in at.rglob("*.safetensors"))

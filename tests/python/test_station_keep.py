@@ -78,15 +78,14 @@ def test_pd_holds_station_where_idleness_drifts(scene, action):
 
 
 def test_pd_is_made_from_any_environment_or_none():
-    single = gym.make(ENV, scene=SMALL, action="thrusters")
-    one = uvms_gym.PD(scene=SMALL, action="thrusters")
+    options = {"scene": SMALL, "action": "thrusters"}
+    single, one = gym.make(ENV, **options), uvms_gym.PD(**options)
     single.observation_space.seed(0)
     observations = single.observation_space.sample()[None].repeat(3, axis=0)
     expected, state = one.predict(observations, state="kept", episode_start=np.ones(3), deterministic=False)
     assert (expected.shape, expected.dtype, state) == ((3, 8), np.float32, "kept")
-    native = gym.make_vec(ENV, num_envs=2, scene=SMALL, action="thrusters")
-    sync = gym.make_vec(ENV, num_envs=2, vectorization_mode="sync", scene=SMALL, action="thrusters")
-    for env in (single, native, sync):
+    vectors = (gym.make_vec(ENV, num_envs=2, vectorization_mode=mode, **options) for mode in (None, "sync"))
+    for env in (single, *vectors):
         controller = uvms_gym.PD(env)
         np.testing.assert_array_equal(controller.predict(observations)[0], expected)
         np.testing.assert_array_equal(controller.predict(observations[0])[0], expected[0])
@@ -131,15 +130,10 @@ def test_geared_joints_hold_their_references_in_a_storm(scene):
     observations, _ = envs.reset(seed=0)
     pd, state, squares = uvms_gym.PD(envs), None, []
     home = np.array([link["joint"]["home"] for link in uvms_gym.load_scene(scene)["arm"]["links"]])
+    (block,) = (block for block in envs.unwrapped.layout if block.name == "joint_reference")
     for _ in range(100):
-        reference = home + _block(envs, observations, "joint_reference")  # at the end of the period
+        reference = home + observations[:, block.slice] * np.array(block.scale)  # at the end of the period
         actions, state = pd.predict(observations, state)
         observations, *_ = envs.step(actions)
         squares.append((envs.unwrapped.snapshot().q - reference) ** 2)
     assert np.sqrt(np.mean(squares, axis=(0, 1))).max() < 0.01
-
-
-def _block(envs, observations, name):
-    """Physical values of a block of observations."""
-    (block,) = (block for block in envs.unwrapped.layout if block.name == name)
-    return observations[:, block.offset : block.offset + block.length] * np.array(block.scale)

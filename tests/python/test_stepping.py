@@ -1,15 +1,13 @@
-"""Steps: instruction sets, calls and their parts, targets, interruption."""
+"""Steps: instruction sets, calls and their parts, targets. (Interruption: test_interrupts.py.)"""
 
 import itertools
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
-from helpers import assert_same, moving, random_inputs, state_of
+from helpers import assert_same, moving, random_inputs, state_of, unchanged
 
 from uvms_gym import Simulator, scene_names
 
@@ -32,8 +30,7 @@ def test_unknown_lanes_are_refused_and_an_empty_name_counts_as_none(name: str, e
 @pytest.mark.parametrize("integrator", ["mk4", "mk1", "quaternion-rk4"])
 @pytest.mark.parametrize("name", scene_names())
 def test_ten_substeps_are_ten_steps(name: str, integrator: str, dtype: str) -> None:
-    a = moving(name, integrator=integrator, dtype=dtype)
-    b = moving(name, integrator=integrator, dtype=dtype)
+    a, b = (moving(name, integrator=integrator, dtype=dtype) for _ in range(2))
     inputs = random_inputs(a)
     if "joint_target" in inputs:
         inputs["joint_target"] = inputs["joint_target"][:, :, 0]
@@ -97,38 +94,12 @@ def test_time_is_the_sum_of_steps(dtype: str) -> None:
 def test_forward_dynamics_is_what_a_small_step_does() -> None:
     for name in scene_names():
         s = moving(name, dt=1e-7, integrator="mk1")
-        inputs = random_inputs(s)
-        before = state_of(s)
-        a = s.forward_dynamics(**inputs)
-        assert_same(state_of(s), before)
+        inputs, before = random_inputs(s), state_of(s)
+        with unchanged(s):
+            a = s.forward_dynamics(**inputs)
         s.step(**inputs)
         rates = np.hstack([s.twist - before["twist"], s.qd - before["qd"]]) / 1e-7
         assert np.allclose(rates, a, rtol=1e-6, atol=1e-6 * np.abs(a).max()), name
-
-
-LONG = """
-import signal
-import uvms_gym
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent may have it ignored
-s = uvms_gym.Simulator("petasus-pum", 64)
-print("go", flush=True)
-try:
-    s.step(substeps=10**15)
-except KeyboardInterrupt:
-    print("interrupted", (s.time > 0).all())
-"""
-
-
-def test_a_long_call_can_be_interrupted() -> None:
-    with subprocess.Popen([sys.executable, "-c", LONG], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            assert process.stdout.readline() == "go\n"
-            time.sleep(0.5)
-            process.send_signal(signal.SIGINT)
-            assert process.communicate(timeout=20)[0].split() == ["interrupted", "True"]
-        finally:
-            process.kill()
 
 
 @pytest.mark.parametrize("integrator", ["mk4", "rk4-normalise"])

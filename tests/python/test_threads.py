@@ -82,19 +82,17 @@ def test_a_fork_while_others_step_hangs_nobody() -> None:
         while not stop.is_set():
             stepped(other)
 
-    others = [threading.Thread(target=busy) for _ in range(3)]
-    for other in others:
-        other.start()
-    try:
-        for _ in range(10):
-            got = child(lambda: stepped(copy.copy(s)))
-            assert got is not None, "the child hangs"
-            assert_same(got, expected)
-            assert_same(stepped(copy.copy(s)), expected)
-    finally:
-        stop.set()
-        for other in others:
-            other.join()
+    with ThreadPoolExecutor(3) as executor:
+        for _ in range(3):
+            executor.submit(busy)
+        try:
+            for _ in range(10):
+                got = child(lambda: stepped(copy.copy(s)))
+                assert got is not None, "the child hangs"
+                assert_same(got, expected)
+                assert_same(stepped(copy.copy(s)), expected)
+        finally:
+            stop.set()
 
 
 def in_process(seed: int) -> dict[str, np.ndarray]:

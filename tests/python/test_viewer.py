@@ -14,7 +14,6 @@ from helpers import free_port
 
 import uvms_gym
 from uvms_gym.cli import main
-from uvms_gym.cli import play as module
 from uvms_gym.viewer.episode import Conditions, LiveEpisode
 
 STORM = "UVMS-StationKeep-Storm-v0"
@@ -85,18 +84,14 @@ def test_the_page_is_served_to_this_machine_alone(viewer: Any, monkeypatch: pyte
     with urllib.request.urlopen(viewer.url, timeout=5.0) as page:
         assert page.status == 200
     # A browser asks for viser's public tunnel.
+    from viser._messages import ShareUrlRequest
+
     tunnels: list[Any] = []
     monkeypatch.setattr("viser._viser.ViserTunnel", lambda *arguments: tunnels.append(arguments))
-    (handler,) = viewer.server._websock_server._incoming_handlers[_messages().ShareUrlRequest]
+    (handler,) = viewer.server._websock_server._incoming_handlers[ShareUrlRequest]
     handler(0, None)
     viewer.server._thread_executor.shutdown(wait=True)
     assert tunnels == []
-
-
-def _messages() -> Any:
-    from viser import _messages
-
-    return _messages
 
 
 def test_a_closed_viewer_leaves_no_thread_and_no_port() -> None:
@@ -121,8 +116,7 @@ def test_controls_act_at_the_next_picture(viewer: Any) -> None:
     low, high = sorted((episode.before["poses"][0, 0, 3], episode.after["poses"][0, 0, 3]))
     assert low <= body[0] <= high
     page.payload.value = 2.0
-    wait_for_commands(page)
-    viewer.picture(1.0 / 30.0)
+    act(viewer)
     assert episode.conditions.payload == 2.0
     page.press("Pause")
     viewer.picture(1.0)
@@ -132,43 +126,33 @@ def test_controls_act_at_the_next_picture(viewer: Any) -> None:
     assert episode.time == pytest.approx(paused + episode.period)
     for family, setting, expected in (("ppo", None, "ppo"), ("dob", "calm", "dob/calm"), ("pd", None, "pd")):
         page.controller.value = family
-        wait_for_commands(page)
-        viewer.picture(0.0)
+        act(viewer)
         if setting is not None:
             page.setting.value = setting
-            wait_for_commands(page)
-            viewer.picture(0.0)
+            act(viewer)
         assert episode.controller == expected
     page.press("Reset")
     viewer.picture(0.0)
     assert episode.time == 0.0
 
 
-def wait_for_commands(page: Any) -> None:
-    """Wait for callbacks, which run in threads of the server."""
-    for _ in range(200):
-        if page._commands:
-            return
+def act(viewer: Any) -> None:
+    """Wait for the callback, which runs in a thread of the server; then one picture."""
+    end = time.monotonic() + 2.0
+    while not viewer.page._commands:
+        assert time.monotonic() < end, "the callback put no command"
         time.sleep(0.01)
-    raise AssertionError("the callback put no command")
+    viewer.picture(0.0)
 
 
 def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("viser")
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert main(["play", "--web", "--port", str(port)]) == 2
     error = capsys.readouterr().err
     assert f"--port is {port}, but 127.0.0.1 refuses it" in error
     assert error.count("\n") == 1
-
-
-def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
-    assert main(["play", "--web"]) == 2
-    assert "viser not installed; run: pip install 'uvms-gym[view]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy", "remus-100"])
