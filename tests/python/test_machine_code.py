@@ -68,7 +68,7 @@ AROUND_STEPS = {
     ROUTINE + r".*11own_numbers11LoadNumbers": "numbers of single instances, before their steps",
     STEP: "the step itself",
 }
-# What those of dual numbers may call: a 6-vector of them has 384 bytes, and the compiler writes out copies of
+# What routines on dual numbers may call: a 6-vector of them has 384 bytes, and the compiler writes out copies of
 # at most 8 stores, 256 bytes of AVX2. Explicit methods copy one a stage, linearly implicit ones at most five.
 OF_DUALS = {r"^mem(cpy|move)$": "copies 6-vectors", r"^r[a-z0-9]+$": "the same through a register"}
 LANES_OF_DUALS = {"avx2", "neon"}

@@ -10,6 +10,8 @@ import pytest
 import uvms_gym
 from uvms_gym.controllers import DOB, MPC, NMPC, PD, AdaptiveDOB, ComputedTorque, PDRestoring
 from uvms_gym.envs.station_keep import StationKeepVectorEnv
+from uvms_gym.studies.comparison.metrics import pose_rms
+from uvms_gym.training.evaluation import run_episodes
 
 OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
 KINDS: list[Any] = [PDRestoring, AdaptiveDOB, *OBSERVING]
@@ -57,7 +59,7 @@ def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any
         action, state = controller.predict(observation, state)
         observation, *_ = env.step(action)
         maximum = np.maximum(maximum, np.abs(controller.disturbance(state)).max(0))
-    # The arm's own momentum is that of its rates, which change within a period.
+    # The arm's own momentum follows its rates, which change within a period.
     assert (maximum < [0.5, 0.5, 0.5, 0.2, 0.2, 0.2]).all(), maximum
 
 
@@ -94,19 +96,10 @@ def test_without_delay_there_is_nothing_to_bridge() -> None:
         observation, *_ = env.step(actions[0])
 
 
-def pose(env: Any, controller: Any, steps: int = 200) -> np.ndarray:
-    """RMS pose error of each episode."""
-    env.reset(seed=0)
-    rollout = uvms_gym.Rollout(env, controller)
-    rollout.run(steps)
-    squares = rollout.pop_stats().squares
-    return np.sqrt((squares["position_error"] + 0.25 * squares["attitude_error"]) / steps)
-
-
 def test_in_a_storm_each_does_better_than_the_one_before() -> None:
     env = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=256)
     errors = [
-        np.sort(pose(env, controller))[64:192].mean()
+        np.sort(pose_rms(run_episodes(env, controller, 0, 200)))[64:192].mean()
         for controller in (PD(env), DOB(env, observer_bandwidth=[1.0, 1.0]), ComputedTorque(env), MPC(env))
     ]
     assert errors[1] < 0.8 * errors[0], errors

@@ -17,7 +17,7 @@ N = 11
 
 
 def parameters(n: int = N, scene: str = "petasus-pum") -> dict[str, np.ndarray]:
-    """Values around those of the scene."""
+    """Values around the numbers of the scene."""
     random, nominal = np.random.default_rng(1), load_scene(scene)
     body, link = nominal["vehicle"]["body"], nominal["arm"]["links"][0]
     factors = random.uniform(0.8, 1.2, (n, 8))
@@ -52,9 +52,9 @@ def test_parameters_are_the_scenes_by_hand() -> None:
     for s in (batch, by_hand):
         s.step(thrust=thrust, substeps=7)
     assert_same(state_of(batch), state_of(by_hand))
-    alone = Simulator(scenes()[3])
-    alone.step(thrust=thrust[3], substeps=7)
-    assert np.array_equal(batch.twist[3], alone.twist[0])
+    single = Simulator(scenes()[3])
+    single.step(thrust=thrust[3], substeps=7)
+    assert np.array_equal(batch.twist[3], single.twist[0])
 
 
 def test_homes_and_currents_are_their_own() -> None:
@@ -79,7 +79,7 @@ def test_copies_and_pickles_keep_their_scenes() -> None:
         assert_same(state_of(twin), state_of(reference))
 
 
-def test_parameters_of_equal_values_are_those_of_one_scene() -> None:
+def test_parameters_of_equal_values_give_one_scene() -> None:
     scene = load_scene("petasus-pum")
     same = Simulator("petasus-pum", parameters={MASS: np.full(3, scene["vehicle"]["body"]["mass"])})
     plain = Simulator("petasus-pum", 3)

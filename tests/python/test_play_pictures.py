@@ -1,4 +1,4 @@
-"""Pictures of `uvms play`: nothing that matters is covered, and every curve is told from the others."""
+"""Pictures of `uvms play`: nothing that matters is covered, and every curve differs from the others."""
 
 import itertools
 import re

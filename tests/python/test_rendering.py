@@ -37,7 +37,7 @@ def drawn(renderer: Renderer, simulator: Simulator, **more: Any) -> np.ndarray:
 
 
 def tip(picture: np.ndarray) -> np.ndarray:
-    """Middle of the pixels whose colour the end effector alone has."""
+    """Middle of the pixels with the colour of the end effector, which nothing else has."""
     red, green, blue = np.moveaxis(picture.astype(float), 2, 0)
     rows, columns = np.nonzero((red > 1.8 * green) & (blue > 1.6 * green) & (red > 120.0))
     assert len(rows)
@@ -54,7 +54,7 @@ def test_the_end_effector_is_where_the_simulator_has_it(scene: str, seed: int) -
         assert np.hypot(*(tip(drawn(renderer, simulator, target=target)) - where[:2])) < 3.0
 
 
-def test_a_picture_depends_on_its_arguments_alone() -> None:
+def test_a_picture_depends_only_on_its_arguments() -> None:
     simulator, renderer = moved(PETASUS), Renderer(PETASUS, width=160, height=120)
     more = {"thrust": [50.0, -100.0, 20.0, 0.0, 10.0, 70.0], "current": [0.2, 0.1, 0.0], "time": 2.0}
     first = drawn(renderer, simulator, **more)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from helpers import SMALL, layers, observations
 
-from uvms_gym import MLP, PD, PID, Residual, Rollout
+from uvms_gym import MLP, PD, PID, Residual
 from uvms_gym.envs.station_keep import StationKeepEnv
+from uvms_gym.training.evaluation import run_episodes
 
 ENV = StationKeepEnv(scene=SMALL)
 
@@ -52,14 +53,10 @@ def test_the_network_may_see_the_past() -> None:
 
 def test_without_corrections_it_is_the_base() -> None:
     envs = gym.make_vec("UVMS-StationKeep-v0", num_envs=5, scene=SMALL)
-    returns = []
-    for controller in (PID(ENV), Residual(PID(ENV), correction(), 0.0), Residual(PID(ENV), correction(), 0.5)):
-        envs.reset(seed=0)
-        rollout = Rollout(envs, controller)
-        rollout.run(20)
-        returns.append(rollout.pop_stats().returns)
-    np.testing.assert_array_equal(returns[0], returns[1])
-    assert (returns[0] != returns[2]).all()
+    controllers = (PID(ENV), Residual(PID(ENV), correction(), 0.0), Residual(PID(ENV), correction(), 0.5))
+    plain, zero, corrected = (run_episodes(envs, controller, 0, 20).returns for controller in controllers)
+    np.testing.assert_array_equal(plain, zero)
+    assert (plain != corrected).all()
 
 
 def test_a_network_says_whether_it_corrects(tmp_path: Path) -> None:
@@ -68,12 +65,12 @@ def test_a_network_says_whether_it_corrects(tmp_path: Path) -> None:
     assert MLP.load(file, ENV, residual=True).residual
     with pytest.raises(ValueError, match=r"correction.safetensors: this is a residual policy; load it with"):
         MLP.load(file, ENV)
-    alone = MLP(ENV, **layers((24, 7, 6)))
-    alone.save(file)
+    plain = MLP(ENV, **layers((24, 7, 6)))
+    plain.save(file)
     with pytest.raises(ValueError, match=r"its observation is nothing, the environment's base_action \(6\)"):
         MLP.load(file, ENV, residual=True)
     with pytest.raises(ValueError, match=r"reads 24 observation entries and gives 6 .* the environment has 30"):
-        Residual(PD(ENV), alone)
+        Residual(PD(ENV), plain)
     for limit in (-0.1, 1.1, float("nan")):
         with pytest.raises(ValueError, match=rf"limit is (?i:{limit:g}), but must be in \[0, 1\]"):
             Residual(PD(ENV), correction(), limit)

@@ -46,8 +46,8 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     train = trainer(algo)
     first = train(settings(algo, 192, save_freq=64), folder)
     assert first.finished
-    told = lambda steps: signal.raise_signal(signal.SIGTERM)  # noqa: E731
-    stopped = train(settings(algo, 1920), folder, agent=first.checkpoint, tick=told)
+    more, stop = settings(algo, 1920), lambda steps: signal.raise_signal(signal.SIGTERM)
+    stopped = train(more, folder, agent=first.checkpoint, tick=stop)
     assert not stopped.finished and stopped.checkpoint.exists() and stopped.steps > first.steps
     assert MLP.load(stopped.policy).notes["steps"] == str(stopped.steps)
     return algo, folder

@@ -294,7 +294,7 @@ def test_off_policy_learning_works():
     assert len(model.ep_info_buffer) > 0
 
 
-def test_evaluation_works_and_is_that_of_singles(tmp_path):
+def test_evaluation_works_as_on_single_environments(tmp_path):
     folders = {"log_path": str(tmp_path), "best_model_save_path": str(tmp_path)}
     callback = EvalCallback(native(2, 5), n_eval_episodes=3, eval_freq=16, verbose=0, **folders)
     model = learn(native(4, 9), callback=callback)
@@ -317,7 +317,7 @@ def test_controllers_are_evaluated_as_policies_are(controller):
 
 
 @pytest.mark.parametrize("wrap", [VecNormalize, VecCheckNan, lambda venv: VecFrameStack(venv, 3), VecMonitor])
-def test_wrappers_are_those_of_a_dummy(wrap, tmp_path):
+def test_wrappers_work_as_on_a_dummy(wrap, tmp_path):
     one, other = (wrap(make(seed=6, monitor=wrap is not VecMonitor)) for make in (native, dummy))
     assert same(one.reset(), other.reset())
     assert_same_run(one, other, 10)

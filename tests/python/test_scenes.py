@@ -83,7 +83,7 @@ def test_an_error_names_key_and_value(path: tuple[Any, ...], value: Any, message
     assert str(caught.value).startswith("<dict>: ")
 
 
-def test_an_unknown_name_is_answered_with_those_there_are() -> None:
+def test_the_error_of_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(SceneError, match=r"'nemo'.*petasus-pum"):
         Simulator("nemo")
 

@@ -90,7 +90,7 @@ NEAR = {"start_distance": 1.0, "start_clearance": 0.5}
 @pytest.mark.parametrize("action", ["wrench", "thrusters", "residual"])
 @pytest.mark.parametrize(("delay", "lag"), [({}, 0.0), ({"periods": 2}, 0.1), (DRAWN, 0.0)])
 @pytest.mark.parametrize(("env", "substeps", "start"), [(ENV, 10, {}), (TRACKING, 20, {}), (DOCK, 10, NEAR)])
-def test_gradients_are_those_of_differences_between_episodes(
+def test_gradients_match_differences_between_episodes(
     env: str, substeps: int, start: dict[str, float], delay: dict[str, Any], lag: float, action: str, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
@@ -147,7 +147,7 @@ def test_windows_of_costly_episodes_are_drawn_more_often() -> None:
     assert np.bincount(drawn.flatten()) / drawn.numel() == pytest.approx(np.array([1.0, 4.0, 16.0]) / 21.0, abs=0.01)
 
 
-def test_the_costs_of_windows_are_those_of_their_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_windows_have_the_costs_of_their_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     small = {"n_envs": 8, "batch_size": 8, "horizon": 5, "n_steps": 10, "net_arch": [16], "priority": 1.0}
     found = read_hyperparameters(ENV, algo="shac") | small
     learner = Shac(Settings(ENV, found, {"max_episode_steps": 10}, algo="shac"))

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from helpers import policy as random_policy
 
-from uvms_gym import MLP, Rollout
+from uvms_gym import MLP
 from uvms_gym.controllers.families import CONTROLLERS, names
 from uvms_gym.controllers.registry import PRETRAINED, make_controller, policies_in
+from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.verification import verify
+from uvms_gym.training.evaluation import run_episodes
 from uvms_gym.training.finished import is_finished
 
 # Without control an arm may be flung at its stops.
@@ -64,7 +66,7 @@ def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> 
     assert notes["seed"] == seed and notes.get("base") == base
     assert {"environment", "hyperparameters", "steps", "seconds", "commit", "versions", "evaluation"} <= notes.keys()
     assert f"`{path.name}`" in (path.parent / "README.md").read_text()
-    # The package has training seed 0 of the rivals alone.
+    # The package has only training seed 0, and only of the rivals.
     assert (PRETRAINED in path.parents) == (seed == "0" and CONTROLLERS[name].setting.role == "rival")
 
 
@@ -137,13 +139,9 @@ def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
     learned = [name for name in names(learned=True) if name.replace("/", "-") in stems]
     for name in (BASE[folder.parents[1].name], *learned):
         envs = gym.make_vec(**made, num_envs=32)
-        envs.reset(seed=500_000)
         with policies_in(MORE):
-            rollout = Rollout(envs, make_controller(name, envs))
-        rollout.run(made["max_episode_steps"])
-        stats = rollout.pop_stats()
-        pose = stats.squares["position_error"] + 0.5**2 * stats.squares["attitude_error"]
-        errors[name] = np.median(np.sqrt(pose / stats.steps))
+            controller = make_controller(name, envs)
+        errors[name] = np.median(pose_rms(run_episodes(envs, controller, 500_000, made["max_episode_steps"])))
     assert all(errors[name] < errors[BASE[folder.parents[1].name]] for name in learned), errors
 
 

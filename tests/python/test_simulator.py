@@ -169,12 +169,12 @@ def test_the_place_of_numbers_in_memory_makes_no_difference(dtype: str) -> None:
         assert_same(stepped(other), expected)
 
 
-def test_one_instance_alone_needs_no_lanes() -> None:
+def test_a_single_instance_needs_no_lanes() -> None:
     code = "from uvms_gym import Simulator as S; print(*(S('free-body', n).instruction_set for n in (1, 2)))"
     environment = {name: value for name, value in os.environ.items() if name != "UVMS_INSTRUCTION_SET"}
     command = [sys.executable, "-c", code]
-    alone = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    one, two = alone.stdout.split()
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    one, two = result.stdout.split()
     assert one == ("plain" if two == "plain" else "fma")
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of steps in single precision: those of the step in double precision, from the same state."""
+"""Derivatives of steps in single precision equal derivatives in double precision from the same state."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ def derivatives(s: Simulator, inputs: dict[str, Any]) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("integrator", ["mk4", "mk54", "ros2"])
 @pytest.mark.parametrize("name", scenes())
-def test_derivatives_are_those_in_double_precision(name: str, integrator: str) -> None:
+def test_derivatives_equal_derivatives_in_double_precision(name: str, integrator: str) -> None:
     scene, options = scenes()[name], {"integrator": integrator, "dtype": "float32", "tolerance": 1e-5}
     s, _, inputs = case(scene, options, 3)
     rows = {key: value[None] for key, value in inputs.items()}
@@ -47,7 +47,7 @@ def test_derivatives_are_those_in_double_precision(name: str, integrator: str) -
             assert np.array_equal(got, expected)
 
 
-def test_the_least_tolerance_is_that_of_single_precision() -> None:
+def test_the_minimum_tolerance_is_the_limit_of_single_precision() -> None:
     found = []
     for tolerance in (1e-9, 8 * 2.0**-23):
         options = {"integrator": "mk54", "dt": 0.2, "tolerance": tolerance}

@@ -45,7 +45,7 @@ def test_the_wheel_holds_the_licences_of_all_crates_that_it_links(texts: str) ->
         for name in tomllib.loads((ROOT / manifest).read_text())["dependencies"]
     }
     assert direct - {"uvms-gym"} <= named.keys()
-    # What these link in turn; no crate that is run by the build or the tests alone.
+    # What these link in turn; no crate that only the build or the tests run.
     assert {"simba", "rayon-core", "num-traits", "pyo3-ffi"} <= named.keys()
     assert not {"syn", "serde_derive", "pyo3-build-config", "criterion", "proptest"} & named.keys()
     assert all(re.search(r"without\s+warrant|as[\s-]+is", text, re.IGNORECASE) for text in named.values())

@@ -29,7 +29,7 @@ def prepared(env: str, **kwargs: Any) -> tuple[Any, np.ndarray, np.ndarray]:
 
 
 def total(envs: Any, observations: np.ndarray, actions: np.ndarray) -> dict[str, np.ndarray]:
-    """Derivatives of observation and reward by the action: the task's times those of the physics."""
+    """Derivatives of observation and reward by the action: derivatives of the task times derivatives of the physics."""
     task, forces = envs.jacobians(actions, observations), envs.forces(actions, observations)
     sim, m = envs.snapshot(), envs.snapshot().thruster_limits.shape[0]
     inputs: dict[str, Any] = {"thrust": forces[:, :m]}
@@ -61,7 +61,7 @@ def differences(envs: Any, actions: np.ndarray) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("action", ["wrench", "thrusters", "residual"])
 @pytest.mark.parametrize("env", ["UVMS-StationKeep-v0", "UVMS-EETrack-v0", "UVMS-Dock-v0"])
-def test_jacobians_of_a_period_are_those_of_differences_between_steps(env: str, action: str, scene: str) -> None:
+def test_jacobians_of_a_period_match_differences_between_steps(env: str, action: str, scene: str) -> None:
     thruster_lag = 0.1 if scene == "rexrov" else None
     disturbance = LATE if scene == "bluerov2-heavy" else None
     envs, observations, actions = prepared(

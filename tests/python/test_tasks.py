@@ -33,7 +33,7 @@ def test_every_task_has_its_dataclass_and_is_tested():
 
 
 @every_task
-def test_defaults_are_those_of_the_native_module(task):
+def test_defaults_match_the_native_module(task):
     native, options = task_defaults(task), TaskOptions.by_task[task]()
     assert {field.name for field in fields(options)} - PYTHON == native.keys() - {"task"}
     for name, value in options.to_dict().items():
@@ -49,7 +49,7 @@ def span(values):
 
 
 @every_task
-def test_documented_tables_are_those_of_the_native_layout(task):
+def test_documented_tables_match_the_native_layout(task):
     env = ENVS[task]()
     rows = [
         f"| {block.offset} | {block.name} | {block.low[0]:.4g} | {block.high[0]:.4g} | {block.unit} |"
@@ -151,9 +151,7 @@ COMMON = [
     ({"reward": {"pose_scale": 0.0}}, ValueError, "reward.pose_scale"),
     ({"reward": {"pose": float("nan")}}, ValueError, "reward.pose"),
     ({"reward": {"pose": "a"}}, TypeError, "reward['pose'] is 'a'"),
-    ({"threads": -1}, ValueError, "threads is -1"),
-    ({"threads": 0}, ValueError, "threads is 0"),
-    ({"threads": 2**70}, ValueError, f"threads is {2**70}"),
+    *(({"threads": threads}, ValueError, f"threads is {threads}") for threads in (-1, 0, 2**70)),
     ({"privileged": "yes"}, TypeError, "privileged is 'yes'"),
     ({"tolerance": {"position": -1.0}}, ValueError, "tolerance.position"),
     ({"residual_scale": 2.0}, ValueError, "residual_scale"),
@@ -189,19 +187,12 @@ def test_impossible_options_are_refused_by_name_and_value(task, given, error, wo
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "words"),
-    [
-        ({"max_episode_steps": -1}, ValueError, "max_episode_steps is -1"),
-        ({"max_episode_steps": 2**70}, ValueError, f"max_episode_steps is {2**70}"),
-        ({"max_episode_steps": "many"}, TypeError, "max_episode_steps is 'many'"),
-        ({"num_envs": "3"}, TypeError, "num_envs is '3'"),
-        ({"num_envs": 0}, ValueError, "num_envs is 0"),
-        ({"num_envs": -1}, ValueError, "num_envs is -1"),
-    ],
+    ("name", "value"),
+    [*(("max_episode_steps", x) for x in (-1, 2**70, "many")), *(("num_envs", x) for x in (-1, 0, "3"))],
 )
-def test_impossible_batches_are_refused_by_name_and_value(given, error, words):
-    with pytest.raises(error, match=re.escape(words)):
-        gym.make_vec("UVMS-StationKeep-v0", **given)
+def test_impossible_batches_are_refused_by_name_and_value(name, value):
+    with pytest.raises(TypeError if isinstance(value, str) else ValueError, match=f"{name} is {value!r}"):
+        gym.make_vec("UVMS-StationKeep-v0", **{name: value})
 
 
 @every_task
@@ -342,12 +333,11 @@ def test_privileged_information_is_the_truth(task):
     parts = {block.name: info["privileged"][block.slice] for block in env.privileged_layout}
     assert sum(block.length for block in env.privileged_layout) == len(info["privileged"])
     simulator, episode = env.snapshot(), env.episode
-    truth = {name: getattr(simulator, name)[0] for name in ("position", "twist", "q")}
+    truth = {name: getattr(simulator, name)[0].ravel() for name in ("position", "rotation", "twist", "q")}
     truth |= {name: episode[name][0] for name in ("current", "target_position")}
     truth |= {"parameters": [values[0] for values in simulator.parameters.values()]}
     for name, value in truth.items():
         np.testing.assert_array_equal(parts[name], value)
-    np.testing.assert_array_equal(parts["rotation"].reshape(3, 3), simulator.rotation[0])
     assert "privileged" not in ENVS[task]().reset(seed=3)[1]
     info["privileged"][:] = 0.0
     assert np.abs(env.step(idle)[4]["privileged"]).max() > 0.0

@@ -27,14 +27,14 @@ def plan_golden(problem: dict[str, Any], **options: Any) -> Trajectory:
 
 
 @pytest.mark.parametrize("problem", GOLDEN, ids=lambda problem: problem["name"])
-def test_val_optima_are_those_of_ipopt_to_1e_6(problem: dict[str, Any]) -> None:
+def test_val_optima_match_ipopt_to_1e_6(problem: dict[str, Any]) -> None:
     plan = plan_golden(problem, tolerance=1e-15, max_iterations=300)
     found, expected = np.concatenate([*plan.inputs.values()], axis=-1)[0], np.array(problem["inputs"])
     lower, upper = (np.concatenate([bound[side] for bound in problem["bounds"].values()]) for side in (0, 1))
     assert plan.converged[0]
     assert plan.cost[0] == pytest.approx(problem["cost"], rel=1e-9)
     assert np.abs(found - expected).max() < 1e-6 * upper.max()
-    # Bounds hold exactly, and matter; those of actuators are met up to a rounding.
+    # Bounds hold exactly, and matter; bounds of actuators are met up to a rounding.
     assert ((lower <= found) & (found <= upper)).all()
     active = (found <= np.nextafter(lower, np.inf)) | (found >= np.nextafter(upper, -np.inf))
     assert 0.01 < active[:, lower < upper].mean() < 0.9
@@ -136,8 +136,8 @@ def test_results_do_not_depend_on_the_batch_and_its_threads() -> None:
     one, two = plan(slice(None), 1), plan(slice(None), 2)
     assert len(set(one.cost)) == 5
     for k in range(5):
-        alone = plan(slice(k, k + 1), 1)
-        for other, row in ((two, k), (alone, 0)):
+        single = plan(slice(k, k + 1), 1)
+        for other, row in ((two, k), (single, 0)):
             assert other.inputs["thrust"][row].tobytes() == one.inputs["thrust"][k].tobytes()
             assert other.gains[row].tobytes() == one.gains[k].tobytes()
             assert other.costs[row].tobytes() == one.costs[k].tobytes()

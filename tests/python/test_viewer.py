@@ -79,7 +79,7 @@ def listening(port: int) -> set[str]:
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
 
 
-def test_the_page_is_served_to_this_machine_alone(viewer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_served_only_to_this_machine(viewer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert listening(viewer.server.get_port()) == {"0100007F"}
     with urllib.request.urlopen(viewer.url, timeout=5.0) as page:
         assert page.status == 200

@@ -141,9 +141,7 @@ def test_a_seed_counts_once_it_is_typed(guest: Guest) -> None:
     assert (seeds, guest.notices()) == ([45], [])
 
 
-def test_policies_come_from_the_command_line_alone(
-    guest: Guest, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
-) -> None:
+def test_policies_come_only_from_the_command_line(guest: Guest, monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     made: list[str] = []
     monkeypatch.setattr(registry, "make_controller", lambda name, env: made.append(name))
     fifo = tmp_path / "fifo"
@@ -206,7 +204,7 @@ def test_forged_messages_change_nothing_and_end_nothing(
     assert "Traceback" not in capsys.readouterr().err + caplog.text
 
 
-def test_a_message_that_is_too_long_ends_its_connection_alone(guest: Guest) -> None:
+def test_a_message_that_is_too_long_ends_only_its_connection(guest: Guest) -> None:
     other = Guest(guest.viewer)
     other.uuid("Seed")
     with pytest.raises(websockets.ConnectionClosed, match="1009"):
