@@ -82,17 +82,19 @@ def test_a_fork_while_others_step_hangs_nobody() -> None:
         while not stop.is_set():
             stepped(other)
 
-    with ThreadPoolExecutor(3) as executor:
-        for _ in range(3):
-            executor.submit(busy)
-        try:
-            for _ in range(10):
-                got = child(lambda: stepped(copy.copy(s)))
-                assert got is not None, "the child hangs"
-                assert_same(got, expected)
-                assert_same(stepped(copy.copy(s)), expected)
-        finally:
-            stop.set()
+    others = [threading.Thread(target=busy) for _ in range(3)]
+    for other in others:
+        other.start()
+    try:
+        for _ in range(10):
+            got = child(lambda: stepped(copy.copy(s)))
+            assert got is not None, "the child hangs"
+            assert_same(got, expected)
+            assert_same(stepped(copy.copy(s)), expected)
+    finally:
+        stop.set()
+        for other in others:
+            other.join()
 
 
 def in_process(seed: int) -> dict[str, np.ndarray]:
@@ -103,10 +105,12 @@ def in_process(seed: int) -> dict[str, np.ndarray]:
 def test_processes_of_multiprocessing_step_on() -> None:
     expected = [in_process(seed) for seed in range(4)]
     with multiprocessing.get_context("fork").Pool(2) as pool:
-        for _ in range(2):
-            for a, b in zip(pool.map_async(in_process, range(4)).get(timeout=30), expected, strict=True):
-                assert_same(a, b)
-            assert_same(in_process(0), expected[0])
+        first = pool.map_async(in_process, range(4)).get(timeout=30)
+        assert_same(in_process(0), expected[0])
+        second = pool.map_async(in_process, range(4)).get(timeout=30)
+    for got in (first, second):
+        for a, b in zip(got, expected, strict=True):
+            assert_same(a, b)
 
 
 def test_many_python_threads_step_at_once() -> None:
