@@ -138,14 +138,16 @@ def test_time_of_sleep_is_no_cpu_time() -> None:
 @pytest.mark.parametrize("part", ["position", "rotation", "twist", "q", "qd"])
 def test_a_state_that_is_not_finite_is_refused(part: str) -> None:
     state = {name: np.zeros((1, 2)) for name in ("position", "rotation", "twist", "q", "qd")}
-    physics.assert_finite("scene", SimpleNamespace(**state))  # type: ignore[arg-type]
+    simulator: Any = SimpleNamespace(**state, scene_name="scene", num_envs=1)
+    case = physics.Stepping(simulator, {}, 1)
+    case.check()
     state[part][0, 1] = np.nan
     with pytest.raises(ValueError, match="scene: the timed motion is not finite"):
-        physics.assert_finite("scene", SimpleNamespace(**state))  # type: ignore[arg-type]
+        case.check()
 
 
 def test_parameters_of_its_own_are_set_on_every_instance() -> None:
-    case = physics.Stepping(physics.Setting(load_scene("bluerov2-heavy"), n=5, varied=True))
+    case = physics.Stepping.of(physics.Setting(load_scene("bluerov2-heavy"), n=5, varied=True))
     assert all(len(set(values.tolist())) == 5 for values in case.simulator.parameters.values())
     case.step()
     assert np.ptp(case.simulator.position, axis=0).max() > 0.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.progress import tracked
-from uvms_gym.studies.speed.physics import THRUST, assert_finite
+from uvms_gym.studies.speed.physics import THRUST, Stepping
 from uvms_gym.studies.speed.timing import Case, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
@@ -32,6 +32,8 @@ class VectorEnv(Case):
     Episodes are out of phase: at every step some of the N instances start the next one, as in a long run.
     """
 
+    timed = "a timed observation or reward"
+
     def __init__(self, scene: dict[str, Any], n: int, threads: int, dtype: str, seed: int) -> None:
         self.name, self.work = scene["name"], n
         options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads, "dtype": dtype}
@@ -48,37 +50,22 @@ class VectorEnv(Case):
         self.last = self.env.step(self.actions[self.next % DRAWN])[:2]
         self.next += 1
 
-    def check(self) -> None:
-        """Raise ValueError if an observation or reward is not finite."""
-        if not all(np.isfinite(part).all() for part in self.last):
-            raise ValueError(f"{self.name}: a timed observation or reward is not finite")
+    def results(self) -> tuple[NDArray[Any], ...]:
+        """Observations and rewards."""
+        return self.last
 
 
-class Physics(Case):
-    """The same substeps by the simulator only, under inputs like the environment's.
-
-    A unit of work is `SUBSTEPS` steps of an instance, with `substeps` per call.
-    """
-
-    def __init__(self, simulator: Simulator, substeps: int, seed: int) -> None:
-        n = simulator.num_envs
-        rng = np.random.default_rng(seed)
-        self.simulator, self.substeps, self.work = simulator, substeps, n * substeps / SUBSTEPS
-        low, high = simulator.thruster_limits.T
-        self.inputs: dict[str, Floats] = {"thrust": THRUST * rng.uniform(low, high, (n, simulator.num_thrusters))}
-        if simulator.num_joints:
-            # Cubics with small higher coefficients: they start anew with every call.
-            cubic = np.zeros((n, simulator.num_joints, 4))
-            cubic[..., 0], cubic[..., 1:] = simulator.q, 1e-6
-            self.inputs["joint_target"] = cubic
-
-    def step(self) -> None:
-        """One call."""
-        self.simulator.step(**self.inputs, substeps=self.substeps)
-
-    def check(self) -> None:
-        """Raise ValueError if the state is not finite."""
-        assert_finite(self.simulator.scene_name, self.simulator)
+def physics(simulator: Simulator, substeps: int, seed: int) -> Stepping:
+    """Substeps by the simulator only, under inputs like the environment's; a unit of work is `SUBSTEPS` steps."""
+    n = simulator.num_envs
+    low, high = simulator.thruster_limits.T
+    thrust = THRUST * np.random.default_rng(seed).uniform(low, high, (n, simulator.num_thrusters))
+    inputs: dict[str, Floats] = {"thrust": thrust}
+    if simulator.num_joints:
+        # Cubics with small higher coefficients: they start anew with every call.
+        inputs["joint_target"] = cubic = np.full((n, simulator.num_joints, 4), 1e-6)
+        cubic[..., 0] = simulator.q
+    return Stepping(simulator, inputs, substeps, SUBSTEPS)
 
 
 def vector_study(
@@ -93,7 +80,7 @@ def vector_study(
         case = VectorEnv(scene, n, count, dtype, seed)
         cases[dtype, count, "env"] = case
         for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
-            cases[dtype, count, name] = Physics(case.env.unwrapped.snapshot(), substeps, seed)
+            cases[dtype, count, name] = physics(case.env.unwrapped.snapshot(), substeps, seed)
     samples = interleave(cases, repeats)
     rows = []
     for dtype, count in product(dtypes, threads):
@@ -116,7 +103,8 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int) -> 
     rng = np.random.default_rng(seed)
     actions = _actions(rng, env.action_space.shape or ())
     env.reset(seed=seed)
-    physics = [Physics(env.unwrapped.snapshot(), substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]  # type: ignore[attr-defined]
+    inner: Any = env.unwrapped
+    cases = [physics(inner.snapshot(), substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]
 
     def steps() -> list[float]:
         spent = []
@@ -128,13 +116,13 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int) -> 
                 env.reset()
         return spent
 
-    def calls(case: Physics) -> list[float]:
+    def calls(case: Stepping) -> list[float]:
         return [timed(case.step, 1).wall for _ in range(SINGLE_CALLS)]
 
     medians = []
     for _ in tracked(range(repeats + 1), "make"):
-        medians.append([float(np.median(x)) for x in (steps(), *(calls(case) for case in physics))])
-        for case in physics:
+        medians.append([float(np.median(x)) for x in (steps(), *(calls(case) for case in cases))])
+        for case in cases:
             case.check()
     of_env, once, twice = np.array(medians[1:]).T
     alone = twice - once

@@ -133,6 +133,8 @@ class Rolling(Case):
     Every rollout continues the one before. Outputs are allocated once.
     """
 
+    timed = "MuJoCo's timed motion"
+
     def __init__(
         self,
         model: Any,
@@ -192,15 +194,20 @@ class Rolling(Case):
             sensordata=self.sensors,
         )
 
+    def results(self) -> tuple[Floats]:
+        """States."""
+        return (self.states,)
+
     def check(self) -> None:
         """Raise ValueError if a state is not finite; else continue from the last one."""
-        if not np.isfinite(self.states).all():
-            raise ValueError(f"{self.name}: MuJoCo's timed motion is not finite")
+        super().check()
         self.start[:] = self.states[:, -1]
 
 
 class Transition(Case):
     """Finite differences of a step by state and controls, `mjd_transitionFD`, at a moving state."""
+
+    name, timed = "MuJoCo", "a timed derivative"
 
     def __init__(self, model: Any, seed: int, *, centred: bool = False) -> None:
         self.work, self.model, self.data, self.centred = 1, model, mujoco.MjData(model), centred
@@ -219,10 +226,9 @@ class Transition(Case):
         mujoco.mjd_transitionFD(self.model, self.data, width, centred, self.A, self.B, None, None)
         return np.concatenate([self.A, self.B], axis=1)
 
-    def check(self) -> None:
-        """Raise ValueError if a derivative is not finite."""
-        if not np.isfinite(self.A).all():
-            raise ValueError("a timed derivative by MuJoCo is not finite")
+    def results(self) -> tuple[Floats]:
+        """Derivatives by the state."""
+        return (self.A,)
 
 
 def difference_errors(model: Any, seed: int) -> dict[str, float]:

@@ -113,7 +113,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
     from uvms_gym.studies.speed import mujoco_model, pinocchio_model
 
     cases: dict[str, Any] = {
-        name: Stepping(Setting(scene, n, dtype=dtype, substeps=substeps, seed=seed)) for dtype, name in OURS.items()
+        name: Stepping.of(Setting(scene, n, dtype=dtype, substeps=substeps, seed=seed)) for dtype, name in OURS.items()
     }
     for name, (integrator, options) in MODELS.items():
         model = mujoco_model.build(scene, integrator, **options)

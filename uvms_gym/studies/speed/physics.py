@@ -2,11 +2,11 @@
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
-from typing import Any, NamedTuple
+from contextlib import ExitStack
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -37,34 +37,30 @@ class Setting(NamedTuple):
 
 
 class Stepping(Case):
-    """A moving batch under constant thrusts and joint targets, not watched for errors, as peers are not.
+    """A batch under constant inputs; a unit of work is `each` steps of one instance, with `substeps` per call."""
 
-    A unit of work is one step of one instance.
-    """
+    def __init__(self, simulator: Simulator, inputs: dict[str, Floats], substeps: int, each: int = 1) -> None:
+        self.simulator, self.inputs, self.substeps = simulator, inputs, substeps
+        self.name, self.work = simulator.scene_name, simulator.num_envs * substeps / each
 
-    def __init__(self, setting: Setting) -> None:
-        n, rng = setting.n, np.random.default_rng(setting.seed)
-        self.name, self.work, self.substeps = setting.scene["name"], n * setting.substeps, setting.substeps
-        self.simulator = Simulator(
-            setting.scene,
-            n,
-            dt=DT,
-            integrator=setting.integrator,
-            dtype=setting.dtype,
-            threads=setting.threads,
-            error_estimate=False,
-        )
+    @classmethod
+    def of(cls, setting: Setting) -> Self:
+        """Make a moving batch under thrusts and joint targets, not watched for errors, as peers are not."""
+        options = {name: getattr(setting, name) for name in ("integrator", "dtype", "threads")}
+        simulator = Simulator(setting.scene, setting.n, dt=DT, error_estimate=False, **options)
+        rng = np.random.default_rng(setting.seed)
         if setting.varied:
-            vary(self.simulator, rng)
-        self.inputs = start(self.simulator, rng)
+            vary(simulator, rng)
+        return cls(simulator, start(simulator, rng), setting.substeps)
 
     def step(self) -> None:
         """One call."""
         self.simulator.step(**self.inputs, substeps=self.substeps)
 
-    def check(self) -> None:
-        """Raise ValueError if the state is not finite."""
-        assert_finite(self.name, self.simulator)
+    def results(self) -> tuple[Floats, ...]:
+        """State."""
+        s = self.simulator
+        return s.position, s.rotation, s.twist, s.q, s.qd
 
     def facts(self) -> dict[str, Any]:
         """Instruction set of the kernel, and memory per instance."""
@@ -93,13 +89,6 @@ def vary(simulator: Simulator, rng: np.random.Generator) -> None:
     simulator.scale_parameters(**own)
 
 
-def assert_finite(name: str, simulator: Simulator) -> None:
-    """Check that a timed motion is valid."""
-    state = (simulator.position, simulator.rotation, simulator.twist, simulator.q, simulator.qd)
-    if not all(np.isfinite(part).all() for part in state):
-        raise ValueError(f"{name}: the timed motion is not finite")
-
-
 def steps(settings: Sequence[Setting], repeats: int) -> list[dict[str, Any]]:
     """Time all settings, interleaved; a process for each instruction set other than this process's.
 
@@ -110,10 +99,10 @@ def steps(settings: Sequence[Setting], repeats: int) -> list[dict[str, Any]]:
         `instruction_set`, `bytes` per instance and `samples` of seconds: `Times`.
     """
     with ExitStack() as stack:
-        cases: dict[int, Any] = {k: Stepping(s) for k, s in enumerate(settings) if s.instruction_set is None}
+        cases: dict[int, Any] = {k: Stepping.of(s) for k, s in enumerate(settings) if s.instruction_set is None}
         for name in dict.fromkeys(s.instruction_set for s in settings if s.instruction_set is not None):
             chosen = {k: setting for k, setting in enumerate(settings) if setting.instruction_set == name}
-            pool = stack.enter_context(_worker(name))
+            pool = stack.enter_context(ProcessPoolExecutor(1, multiprocessing.get_context("spawn")))
             facts = _result(pool, _prepare, list(chosen.values()))
             cases |= {k: Remote(pool, index, facts[index]) for index, k in enumerate(chosen)}
         cases = dict(sorted(cases.items()))
@@ -139,28 +128,9 @@ class Remote(Case):
         times: Times = _result(self._pool, _sample, self._index)
         return times
 
-    def check(self) -> None:
-        """Do nothing: the worker has checked."""
-
     def facts(self) -> dict[str, Any]:
         """Facts of the worker's case."""
         return self._facts
-
-
-@contextmanager
-def _worker(instruction_set: str) -> Iterator[ProcessPoolExecutor]:
-    """Start a process with an instruction set, which a process selects once."""
-    before = os.environ.get("UVMS_INSTRUCTION_SET")
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        os.environ["UVMS_INSTRUCTION_SET"] = instruction_set
-        try:
-            pool.submit(os.getpid).result()
-        finally:
-            if before is None:
-                del os.environ["UVMS_INSTRUCTION_SET"]
-            else:
-                os.environ["UVMS_INSTRUCTION_SET"] = before
-        yield pool
 
 
 #: Cases of a worker process.
@@ -168,8 +138,12 @@ _cases: list[Stepping] = []
 
 
 def _prepare(settings: Sequence[Setting]) -> list[dict[str, Any]]:
-    """Make the cases of this worker, and return their facts; ValueError where the instruction set is missing."""
-    _cases[:] = [Stepping(setting) for setting in settings]
+    """Make the cases of this worker, and return their facts; ValueError where the instruction set is missing.
+
+    A process selects its instruction set once, with the first simulator.
+    """
+    os.environ["UVMS_INSTRUCTION_SET"] = str(settings[0].instruction_set)
+    _cases[:] = [Stepping.of(setting) for setting in settings]
     return [case.facts() for case in _cases]
 
 

@@ -61,6 +61,8 @@ class Dynamics(Case):
     `abaInParallel` loops in C++: a batch costs one call from Python, which needs no correction.
     """
 
+    timed = "a timed acceleration by Pinocchio"
+
     def __init__(self, scene: dict[str, Any], seed: int) -> None:
         if not hasattr(pin, "abaInParallel"):
             raise ImportError(f"Pinocchio {VERSION} lacks abaInParallel; run: pip install 'pin>=4.1'")
@@ -77,29 +79,26 @@ class Dynamics(Case):
         """One call."""
         pin.abaInParallel(1, self.pool, self.q, self.v, self.tau, self.found)
 
-    def check(self) -> None:
-        """Raise ValueError if an acceleration is not finite."""
-        if not np.isfinite(self.found).all():
-            raise ValueError(f"{self.name}: a timed acceleration by Pinocchio is not finite")
+    def results(self) -> tuple[Floats]:
+        """Accelerations."""
+        return (self.found,)
 
 
 class Single(Case):
     """Function of model, configuration, velocity and force, by one call from Python for each state."""
 
+    timed = "a timed result by Pinocchio"
+
     def __init__(self, scene: dict[str, Any], function: str, seed: int) -> None:
-        self.work, self.call, self.model = 1, getattr(pin, function), build(scene)
-        rng = np.random.default_rng(seed)
-        self.data, self.q = (
-            self.model.createData(),
-            pin.integrate(self.model, pin.neutral(self.model), rng.normal(size=self.model.nv)),
-        )
-        self.v, self.tau = (rng.normal(size=self.model.nv) for _ in range(2))
+        self.name, self.work, self.call, self.model = scene["name"], 1, getattr(pin, function), build(scene)
+        rng, model = np.random.default_rng(seed), self.model
+        self.data, self.q = model.createData(), pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+        self.v, self.tau = (rng.normal(size=model.nv) for _ in range(2))
 
     def step(self) -> None:
         """One call."""
         self.call(self.model, self.data, self.q, self.v, self.tau)
 
-    def check(self) -> None:
-        """Raise ValueError if a result is not finite."""
-        if not np.isfinite(self.data.ddq).all():
-            raise ValueError("a timed result by Pinocchio is not finite")
+    def results(self) -> tuple[Floats]:
+        """Accelerations."""
+        return (self.data.ddq,)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym._rotations import from_rpy, matrices
-from uvms_gym.studies.numerics import Floats, bodies, buoyancy_of, joints
+from uvms_gym.studies.numerics import Floats, bodies, buoyancy_of, joints, matrix_of
 
 
 class Link(NamedTuple):
@@ -94,8 +94,7 @@ def _link(
     center = masses @ centers / masses.sum()
     inertia = np.zeros((3, 3))
     for (place, body), mass, offset in zip(parts, masses, centers - center, strict=True):
-        own = np.array(body["inertia"])
-        own = np.diag(own) if own.ndim == 1 else own
+        own = matrix_of(body["inertia"])
         if body.get("inertia_at") == "origin":
             own = own - _point_inertia(mass, np.array(body["center_of_mass"]))
         inertia += place[:3, :3] @ own @ place[:3, :3].T + _point_inertia(mass, offset)

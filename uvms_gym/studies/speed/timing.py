@@ -1,7 +1,7 @@
 """Interleaved timing: every case once per round, so that other load on the machine affects all of them alike."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -35,6 +35,9 @@ class Case:
     """A case to time: a sample is `calls` calls of `step`, each with `work` units of work."""
 
     work: float
+    #: Name of the scene, and of the results, for messages.
+    name: str
+    timed = "the timed motion"
 
     @cached_property
     def calls(self) -> int:
@@ -49,8 +52,14 @@ class Case:
         """Time per unit of work."""
         return timed(self.step, self.calls).per(self.work)
 
+    def results(self) -> Iterable[Any]:
+        """Arrays that must be finite."""
+        return ()
+
     def check(self) -> None:
         """Raise ValueError if results are not finite: NaN is fast."""
+        if not all(np.isfinite(part).all() for part in self.results()):
+            raise ValueError(f"{self.name}: {self.timed} is not finite")
 
 
 def require(module: str, package: str, extra: str) -> None:

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym._core import vehicle_terms
-from uvms_gym.studies.numerics import joints
+from uvms_gym.studies.numerics import joints, matrix_of
 
 Table = dict[str, Any]
 
@@ -98,15 +97,6 @@ def _link_bodies(scene: Table) -> Iterator[Table]:
 _GROUPS = {"vehicle": _vehicle_bodies, "links": _link_bodies}
 
 
-def _matrix(values: Any) -> NDArray[np.float64]:
-    given = np.asarray(values, dtype=np.float64)
-    return np.diag(given) if given.ndim == 1 else given
-
-
-def _is_coupled(matrix: NDArray[np.float64]) -> bool:
-    return bool((matrix != np.diag(np.diag(matrix))).any())
-
-
 def _feels_flow(body: Table, water: Table) -> bool:
     tables = (body["added_mass"], body["damping"]["linear"], body["damping"]["quadratic"])
     return any(np.any(table) for table in tables)
@@ -149,8 +139,8 @@ _BODY_KINDS = (
     ),
     _Kind(
         "added mass, off-diagonal",
-        lambda body, _: _is_coupled(_matrix(body["added_mass"])),
-        lambda body, _: body.update(added_mass=np.diag(_matrix(body["added_mass"])).tolist()),
+        lambda body, _: np.any((full := matrix_of(body["added_mass"])) != np.diag(np.diag(full))),
+        lambda body, _: body.update(added_mass=np.diag(matrix_of(body["added_mass"])).tolist()),
         "off-diagonal entries in the frame of the given coefficients",
     ),
     _number("linear damping", "damping", "linear", _ZERO),
