@@ -36,7 +36,7 @@ def condition_of(
     return found
 
 
-def run(of: Any, name: str, episodes: int, seed: int = 5) -> dict[str, dict[str, np.ndarray]]:
+def run(of: Any, name: str, episodes: int, seed: int = 5) -> dict[str, np.ndarray]:
     """Scores of a controller under a condition."""
     return contenders.run(contenders.make_envs(of, episodes), of, contenders.make_contender(of, name), seed).scores
 
@@ -125,15 +125,7 @@ def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any])
 
 def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:
     def again(seed: int) -> Any:
-        given = [
-            "--scene",
-            SMALL,
-            *THREE,
-            "--episodes",
-            "48",
-            "--seed",
-            str(seed),
-        ]
+        given = ["--scene", SMALL, *THREE, "--episodes", "48", "--seed", str(seed)]
         return timeless(compared(tmp_path, *given)["results"])
 
     def timeless(results: Any) -> Any:
@@ -148,11 +140,11 @@ def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_pat
 
 
 def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
-    few, many = (run(condition_of(), "pd", n)["pose"] for n in (3, 9))
-    for part in ("whole", "settled"):
-        assert np.array_equal(few[part], many[part][:, :3])
-    shifted = run(condition_of(), "pd", 2, 6)["pose"]["whole"]
-    assert np.array_equal(shifted, few["whole"][:, 1:])
+    few, many = (run(condition_of(), "pd", n) for n in (3, 9))
+    for key in ("pose/whole", "pose/settled"):
+        assert np.array_equal(few[key], many[key][:, :3])
+    shifted = run(condition_of(), "pd", 2, 6)["pose/whole"]
+    assert np.array_equal(shifted, few["pose/whole"][:, 1:])
 
 
 @pytest.mark.parametrize("env", [STORM, TRACK])
@@ -185,18 +177,18 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
         "diverged": 0.0,
     }
     for metric, value in told.items():
-        assert scores[metric]["whole"][0, 1] == pytest.approx(value, rel=1e-6), metric
+        assert scores[f"{metric}/whole"][0, 1] == pytest.approx(value, rel=1e-6), metric
     settled = np.sqrt(np.mean(pose[30:]))
-    assert scores["pose"]["settled"][0, 1] == pytest.approx(settled, rel=1e-6)
+    assert scores["pose/settled"][0, 1] == pytest.approx(settled, rel=1e-6)
 
 
 def test_who_diverges_never_recovers() -> None:
     away = condition_of(scene=SMALL, level="storm-hard")
     wild = contenders.Contender("wild", (), [policy(weights=[np.zeros((6, 24))], biases=[np.ones(6)])], {})
     scores = contenders.run(contenders.make_envs(away, 3), away, wild, 0).scores
-    assert scores["diverged"]["whole"].all()
-    assert (scores["recovery"]["whole"] == 20.0).all()
-    assert (scores["pose"]["whole"] > 1.0).all() and np.isfinite(scores["pose"]["settled"]).all()
+    assert scores["diverged/whole"].all()
+    assert (scores["recovery/whole"] == 20.0).all()
+    assert (scores["pose/whole"] > 1.0).all() and np.isfinite(scores["pose/settled"]).all()
 
 
 # Conditions
@@ -210,7 +202,7 @@ def test_every_condition_makes_an_environment_and_changes_episodes() -> None:
     poses = {}
     for condition in conditions.DEPARTURES:
         of = condition_of(departure=condition)
-        poses[condition] = run(of, "pd", 2)["pose"]["whole"][0, 1]
+        poses[condition] = run(of, "pd", 2)["pose/whole"][0, 1]
         contenders.make_envs(condition_of(TRACK, "bluerov2-heavy-alpha5", departure=condition), 2)
     assert len(set(poses.values())) == len(poses)
     assert poses["x1.3"] > poses["design"] > poses["arm-only"]

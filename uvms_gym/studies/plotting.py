@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-    from matplotlib.text import Annotation
 
 # Colours of Okabe and Ito: distinct to colour-blind readers, too.
 BLACK, ORANGE, BLUE, GREEN, VERMILION, PURPLE = "#000000", "#e69f00", "#0072b2", "#009e73", "#d55e00", "#cc79a7"
@@ -84,6 +83,12 @@ def legend_above(axes: "Axes", lines: Sequence["Artist"] | None = None, columns:
         axes.set_title(text, pad=72.0 * height + 5.0)
 
 
+def legend_below(figure: "Figure", columns: int) -> None:
+    """Legend of the lines of all axes, each label once, below the figure."""
+    handles = {label: h for axes in figure.axes for h, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
+
+
 def log_ticks(axis: "Axis") -> None:
     """Ticks of a logarithmic axis with its final limits: few enough not to collide, in plain numbers."""
     from matplotlib import ticker
@@ -97,11 +102,12 @@ def log_ticks(axis: "Axis") -> None:
     axis.set_minor_formatter(ticker.NullFormatter())
 
 
-def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], **text: Any) -> list["Annotation"]:
+def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], **text: Any) -> None:
     """Write names beside points (x, y, name, colour), where they cover neither each other nor lines nor points.
 
     Limits and layout of the figure must be final. Names that are moved away are joined to their points.
     """
+    from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 
     figure: Any = axes.get_figure(root=True)
@@ -115,12 +121,13 @@ def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], 
             taken += [a + t * (b - a) for a, b in itertools.pairwise(corners) for t in np.linspace(0.0, 1.0, 40)]
     places = np.array(taken)
     boxes: list[Any] = []
-    made: list[Any] = []
     for x, y, name, colour in sorted(points, key=lambda point: (point[1], point[0])):
         at = axes.transData.transform((x, y))
-        note = axes.annotate(name, (x, y), (0, 0), textcoords="offset points", color=colour, **text)
+        arrow = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 2.0}
+        style: Any = {"color": colour, "ha": "center", "va": "center", "arrowprops": arrow, **text}
+        note: Any = axes.annotate(name, (x, y), (0, 0), textcoords="offset points", **style)
         note.set_in_layout(False)
-        size = note.get_window_extent()
+        size = Text.get_window_extent(note)
         best: tuple[float, Any, Any] | None = None
         for away, angle in itertools.product(
             (7.0, 10.0, 14.0, 20.0, 28.0, 38.0, 50.0), np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
@@ -139,21 +146,4 @@ def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], 
         _, middle, box = best
         boxes.append(box)
         note.set_position(tuple((middle - at) / em))
-        note.set(ha="center", va="center")
-        if np.hypot(*(np.clip(at, box.min, box.max) - at)) > 6.5 * em:
-            style = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 2.0}
-            note.remove()
-            note = axes.annotate(
-                name,
-                (x, y),
-                tuple((middle - at) / em),
-                textcoords="offset points",
-                color=colour,
-                ha="center",
-                va="center",
-                arrowprops=style,
-                **text,
-            )
-            note.set_in_layout(False)
-        made.append(note)
-    return made
+        note.arrow_patch.set_visible(np.hypot(*(np.clip(at, box.min, box.max) - at)) > 6.5 * em)

@@ -37,7 +37,7 @@ from uvms_gym.studies.accuracy.episodes import (
     noise_deviation,
     record,
 )
-from uvms_gym.studies.accuracy.work_precision import PRECISIONS, STABILITY_MARGIN
+from uvms_gym.studies.accuracy.work_precision import PRECISIONS, QUANTITIES, STABILITY_MARGIN, by_method
 from uvms_gym.studies.numerics import Floats, state_errors
 from uvms_gym.studies.progress import tracked
 
@@ -57,14 +57,7 @@ LIMITS = {
     "observation": 0.1,
     "reward": 1e-3,
 }
-UNITS = {
-    "position": "m",
-    "attitude": "rad",
-    "joints": "rad",
-    "end_effector": "m",
-    "observation": "noise",
-    "reward": "spread",
-}
+UNITS = {**QUANTITIES, "observation": "noise", "reward": "spread"}
 #: Share of episodes, and of steps for observations, within the limits.
 SHARE = 0.95
 #: Maximum uncertainty of the reference over the limits.
@@ -187,12 +180,11 @@ def compare(run: Recording, truth: Recording, deviation: Floats) -> dict[str, An
 
 def recommend(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Maximum certified step of every integrator and precision; None where no step is."""
-    steps: dict[tuple[str, str], float | None] = {}
-    for row in rows:
-        key = (row["integrator"], row["dtype"])
-        fit = None if row["exceeded"] else float(row["step"])
-        steps[key] = max(filter(None, (steps.get(key), fit)), default=None)
-    return [{"integrator": name, "dtype": dtype, "step": step} for (name, dtype), step in steps.items()]
+    return [
+        {"integrator": name, "dtype": dtype}
+        | {"step": max((float(row["step"]) for row in mine if not row["exceeded"]), default=None)}
+        for (name, dtype), mine in by_method(rows, "dtype").items()
+    ]
 
 
 #: Statistic of the episodes that is compared with the limits.

@@ -8,7 +8,18 @@ import numpy as np
 
 from uvms_gym.studies.accuracy.conservation import QUANTITIES
 from uvms_gym.studies.accuracy.work_precision import DIVERGED, FLOOR, by_method
-from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, log_ticks, picture
+from uvms_gym.studies.plotting import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    legend_below,
+    log_ticks,
+    picture,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,8 +80,7 @@ def plot_drift(path: Path, results: Mapping[str, Any], seconds: float) -> None:
             panels[0].set_ylabel(f"relative drift in {seconds:g} s")
         for axes in rows[-1]:
             axes.set_xlabel("step (s)")
-        handles = {label: h for axes in rows.flat for h, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=7)
+        legend_below(figure, 7)
 
 
 def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
@@ -84,9 +94,8 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         if line.precision == "f64" and timed:
             # Runs that are not finite are not timed: their steps cost the same as the others.
             per_step = float(np.median(timed))
-            diverged += [
-                (1e-3 * per_step / row["step"], line.settings["color"]) for row in line.rows if row not in valid
-            ]
+            lost = [row for row in line.rows if row not in valid]
+            diverged += [(1e-3 * per_step / row["step"], line.settings["color"]) for row in lost]
         valid = [row for row in valid if np.isfinite(row["cost"])]
         if not valid:
             continue
@@ -196,33 +205,20 @@ def plot_certificates(path: Path, results: Mapping[str, Any], limits: Mapping[st
     }
     colours = (BLUE, ORANGE, GREEN)
     with picture(path, 9.6, 2.5 * len(results) + 0.5) as figure:
-        for axes_row, (name, result) in zip(
-            figure.subplots(len(results), 3, squeeze=False), results.items(), strict=True
-        ):
-            methods: dict[tuple[str, str], list[Any]] = {}
-            for row in result["rows"]:
-                methods.setdefault((row["integrator"], row["dtype"]), []).append(row)
+        grid = figure.subplots(len(results), 3, squeeze=False)
+        for axes_row, (name, result) in zip(grid, results.items(), strict=True):
+            methods = by_method(result["rows"], "dtype")
             integrators = list(dict.fromkeys(integrator for integrator, _ in methods))
             for axes, (title, quantities) in zip(axes_row, panels.items(), strict=True):
                 for (integrator, dtype), rows in methods.items():
-                    shares = [
-                        max(row["judged"][quantity] / limits[quantity] for quantity in quantities) for row in rows
-                    ]
-                    colour = colours[integrators.index(integrator) % len(colours)]
-                    line = "o-" if dtype == "float64" else "s:"
-                    shown = [share if np.isfinite(share) and share > 0.0 else np.nan for share in shares]
-                    axes.plot(
-                        [r["step"] for r in rows],
-                        shown,
-                        line,
-                        color=colour,
-                        markersize=3.5,
-                        label=f"{integrator} {dtype}",
-                    )
+                    shares = np.array([max(row["judged"][part] / limits[part] for part in quantities) for row in rows])
+                    shown = np.where(np.isfinite(shares) & (shares > 0.0), shares, np.nan)
+                    style: Any = {"color": colours[integrators.index(integrator) % len(colours)], "markersize": 3.5}
+                    line, label = "o-" if dtype == "float64" else "s:", f"{integrator} {dtype}"
+                    axes.plot([row["step"] for row in rows], shown, line, label=label, **style)
                 axes.axhline(1.0, color=BLACK, linewidth=1.0)
                 axes.axvline(result["default"].step, color=GREY, linewidth=1.0, linestyle="--")
                 axes.set(xscale="log", yscale="log", xlabel="step (s)")
                 axes.set_title(title, fontsize=9.5)
             axes_row[0].set_ylabel(f"{name.replace(', ', chr(10))}\nerror over limit", fontsize=8.5)
-        handles = {label: h for axes in figure.axes for h, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4)
+        legend_below(figure, 4)

@@ -184,11 +184,11 @@ def at_cost(rows: Sequence[dict[str, Any]], integrator: str, cost: float) -> flo
     return loglog_interpolation(costs, errors, cost)
 
 
-def by_method(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[Any]]:
-    """Rows by integrator and precision."""
+def by_method(rows: Iterable[Mapping[str, Any]], precision: str = "precision") -> dict[tuple[str, str], list[Any]]:
+    """Rows by integrator and precision, which has the given key."""
     found: dict[tuple[str, str], list[Any]] = {}
     for row in rows:
-        found.setdefault((row["integrator"], row["precision"]), []).append(row)
+        found.setdefault((row["integrator"], row[precision]), []).append(row)
     return found
 
 

@@ -44,9 +44,9 @@ class Contender(NamedTuple):
 
 
 class EpisodeScores(NamedTuple):
-    """Scores (S, N) of a contender per metric and part, seeds by episodes, and the time of the run, s."""
+    """Scores (S, N) of a contender by "metric/part", seeds by episodes, and the time of the run, s."""
 
-    scores: dict[str, dict[str, Floats]]
+    scores: dict[str, Floats]
     seconds: float
 
 
@@ -115,16 +115,13 @@ def run(
             else Rollout(envs, controller)
         )
         rows.append(_run(envs, condition, rollout, tick))
-    scores = {
-        name: {part: np.stack([row[name][part] for row in rows]) for part in metric.parts}
-        for name, metric in METRICS.items()
-    }
+    scores = {key: np.stack([row[key] for row in rows]) for key in rows[0]}
     return EpisodeScores(scores, time.perf_counter() - started)
 
 
 def _run(
     envs: Any, condition: Condition, rollout: Rollout | PredictRollout, tick: Callable[[int], object]
-) -> dict[str, dict[str, Floats]]:
+) -> dict[str, Floats]:
     period = 1.0 / envs.metadata["render_fps"]
     begin = min(round(SETTLED / period), condition.steps)
     parts = []
@@ -136,13 +133,12 @@ def _run(
     # Episodes that end before the settled part have the whole's score for it; diverged ones never recover.
     ended = late.steps == 0
     whole.last["recovery_time"][whole.terminated] = condition.steps * period
-    result = {}
+    scores = {}
     for name, metric in METRICS.items():
-        scores = {"whole": metric.measure(whole)}
+        scores[f"{name}/whole"] = metric.measure(whole)
         if not metric.whole:
-            scores["settled"] = np.where(ended, scores["whole"], metric.measure(late))
-        result[name] = scores
-    return result
+            scores[f"{name}/settled"] = np.where(ended, scores[f"{name}/whole"], metric.measure(late))
+    return scores
 
 
 def _sum(early: RolloutStats, late: RolloutStats) -> RolloutStats:

@@ -1,7 +1,7 @@
 """Measures of episodes, from the statistics of a rollout."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,5 +85,14 @@ METRICS: dict[str, Metric] = {
     "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
     "diverged": Metric("diverged", "%", lambda stats: stats.terminated.astype(np.float64), 1e2, cut=0.0, whole=True),
 }
-#: Metric of the ranking.
-HEADLINE = "pose"
+#: Metric of the ranking, and its scores.
+HEADLINE, RANKED = "pose", "pose/whole"
+
+
+def by_metric(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries by metric and part, from entries by "metric/part"."""
+    found: dict[str, Any] = {}
+    for key, entry in entries.items():
+        metric, part = key.split("/")
+        found.setdefault(metric, {})[part] = entry
+    return found

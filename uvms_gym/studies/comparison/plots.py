@@ -12,7 +12,18 @@ from uvms_gym.studies.comparison.conditions import DESIGN
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
 from uvms_gym.studies.comparison.summary import Summary, short_names
-from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, label_points, log_ticks, picture
+from uvms_gym.studies.plotting import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    label_points,
+    legend_below,
+    log_ticks,
+    picture,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,7 +138,6 @@ def plot_profiles(path: Path, results: Results) -> None:
     with picture(path, max(8.0, 4.6 * columns), 3.5 * rows + 0.5 + legend) as figure:
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
         colour, short = colours(names), short_names(names)
-        handles: dict[str, Any] = {}
         classical = [name for name in names if not is_learned(name)]
         for axes, (comparison, summary) in zip(grid.flat, results, strict=False):
             taus = METRICS[HEADLINE].scale * summary.thresholds
@@ -136,9 +146,8 @@ def plot_profiles(path: Path, results: Results) -> None:
                 style = "-" if learned else _LINES[classical.index(name) % len(_LINES)]
                 value, low, high = (100.0 * shares for shares in profile)
                 weight: Any = {"lw": 2.2, "zorder": 3} if learned else {"lw": 1.3, "zorder": 2}
-                (line,) = axes.plot(taus, value, style, color=colour[name], label=short[name], **weight)
+                axes.plot(taus, value, style, color=colour[name], label=short[name], **weight)
                 axes.fill_between(taus, low, high, color=colour[name], alpha=0.22, linewidth=0.0)
-                handles.setdefault(name, line)
             axes.set_xscale("log")
             log_ticks(axes.xaxis)
             title = comparison.condition.label if len(results) > 1 else comparison.condition.name
@@ -147,7 +156,7 @@ def plot_profiles(path: Path, results: Results) -> None:
             axes.set_visible(False)
         for axes in grid[:, 0]:
             axes.set_ylabel("episodes (%)")
-        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=min(across, len(handles)))
+        legend_below(figure, min(across, len(names)))
 
 
 def plot_frontier(path: Path, panels: Mapping[str, Controllers]) -> None:

@@ -146,10 +146,9 @@ def run_all(
 def scores_by_name(comparison: Comparison, runs: Mapping[str, EpisodeScores]) -> dict[str, NDArray[np.float64]]:
     """All scores (S, N) by "condition/controller/metric/part"."""
     return {
-        "/".join((comparison.condition.name, name, metric, part)): matrix
+        f"{comparison.condition.name}/{name}/{key}": matrix
         for name, scored in runs.items()
-        for metric, parts in scored.scores.items()
-        for part, matrix in parts.items()
+        for key, matrix in scored.scores.items()
     }
 
 

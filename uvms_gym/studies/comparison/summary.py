@@ -9,7 +9,7 @@ import numpy as np
 
 from uvms_gym.controllers.families import MLP_PREFIX, is_bound, is_file, names
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
-from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
+from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, RANKED, Metric, by_metric
 from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
 from uvms_gym.studies.numerics import Floats
 
@@ -101,19 +101,17 @@ def baselines(names: Any) -> list[str]:
 def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeScores], seed: int) -> Summary:
     """Estimate every metric of every controller, and ratios to the baselines; `seed` is the seed of the resampling."""
     names = list(runs)
-    episodes = next(iter(runs.values())).scores[HEADLINE]["whole"].shape[1]
+    episodes = next(iter(runs.values())).scores[RANKED].shape[1]
     draws = Draws(episodes, seed)
     # Errors without control have another magnitude.
     profiled = [name for name in names if name != "none"] or names
-    thresholds = _thresholds([runs[name].scores[HEADLINE]["whole"] for name in profiled])
+    thresholds = _thresholds([runs[name].scores[RANKED] for name in profiled])
 
-    def estimate(name: str) -> tuple[str, dict[tuple[str, str], _Statistics]]:
+    def estimate(name: str) -> tuple[str, dict[str, _Statistics]]:
         found = {}
-        for metric, description in METRICS.items():
-            for part in description.parts:
-                scores = Scores(runs[name].scores[metric][part], draws)
-                asked = thresholds if (metric, part) == (HEADLINE, "whole") else ()
-                found[metric, part] = _Statistics(*scores.statistics(description.cut, thresholds=asked))
+        for key, scores in runs[name].scores.items():
+            asked = thresholds if key == RANKED else ()
+            found[key] = _Statistics(*Scores(scores, draws).statistics(_metric(key).cut, thresholds=asked))
         return name, found
 
     first = first_baseline(names)
@@ -127,12 +125,12 @@ def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeSco
         compared = dict(zip(others, pool.map(compare, others), strict=True))
     against: dict[str, dict[str, Any]] = {}
     for other in baselines(names):
-        against[other] = {name: _ratios(found[name], found[other]) for name in names if name != other}
-    for name in others:
-        for metric, parts in compared[name].items():
-            for part, values in parts.items():
-                against[first][name].setdefault(metric, {}).setdefault(part, {}).update(values)
-    headline = {name: found[name][HEADLINE, "whole"].mean for name in names}
+        ratios = {name: _ratios(found[name], found[other]) for name in names if name != other}
+        if other == first:
+            for name, values in compared.items():
+                ratios[name] |= {key: ratios[name].get(key, {}) | part for key, part in values.items()}
+        against[other] = {name: by_metric(entries) for name, entries in ratios.items()}
+    headline = {name: found[name][RANKED].mean for name in names}
     rivals = [name for name in names if not is_bound(name)] or names
     ranking = sorted(rivals, key=lambda name: headline[name].value)
     margin = headline[ranking[0]].over(headline[ranking[1]]).estimate() if len(ranking) > 1 else None
@@ -144,57 +142,54 @@ def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeSco
         ranking[1] if len(ranking) > 1 else None,
         margin,
         np.asarray(thresholds),
-        {name: found[name][HEADLINE, "whole"].profile for name in profiled},
+        {name: found[name][RANKED].profile for name in profiled},
     )
 
 
-def _described(
-    contender: Contender, run: EpisodeScores, found: Mapping[tuple[str, str], _Statistics]
-) -> dict[str, Any]:
-    metrics: dict[str, Any] = {}
-    for (metric, part), statistics in found.items():
-        mean = "iqm" if METRICS[metric].cut else "mean"
-        metrics.setdefault(metric, {})[part] = {mean: statistics.mean.estimate()}
-        if METRICS[metric].cut:
-            metrics[metric][part]["p95"] = statistics.p95.estimate()
-    scores = run.scores[HEADLINE]["whole"]
+def _metric(key: str) -> Metric:
+    return METRICS[key.split("/")[0]]
+
+
+def _described(contender: Contender, run: EpisodeScores, found: Mapping[str, _Statistics]) -> dict[str, Any]:
+    estimates = {
+        key: {"iqm": statistics.mean.estimate(), "p95": statistics.p95.estimate()}
+        if _metric(key).cut
+        else {"mean": statistics.mean.estimate()}
+        for key, statistics in found.items()
+    }
     return {
         "training_seeds": contender.seeds,
         "origin": contender.origin,
-        "episodes": scores.shape[1],
+        "episodes": run.scores[RANKED].shape[1],
         "seconds": run.seconds,
-        "metrics": metrics,
-        "kept": {metric: run.scores[metric]["whole"][:, :KEPT] for metric in (HEADLINE, "power")},
+        "metrics": by_metric(estimates),
+        "kept": {metric: run.scores[f"{metric}/whole"][:, :KEPT] for metric in (HEADLINE, "power")},
     }
 
 
-def _ratios(mine: Mapping[tuple[str, str], _Statistics], theirs: Mapping[tuple[str, str], _Statistics]) -> Any:
-    """Ratios of means and 95th percentiles to a baseline's, for errors and costs."""
-    result: dict[str, Any] = {}
-    for (metric, part), statistics in mine.items():
-        if METRICS[metric].cut and METRICS[metric].less:
-            other = theirs[metric, part]
-            result.setdefault(metric, {})[part] = {
-                "ratio": statistics.mean.over(other.mean).estimate(),
-                "p95_ratio": statistics.p95.over(other.p95).estimate(),
-            }
-    return result
+def _ratios(mine: Mapping[str, _Statistics], theirs: Mapping[str, _Statistics]) -> dict[str, Any]:
+    """Ratios of means and 95th percentiles to a baseline's, for errors and costs, by "metric/part"."""
+    return {
+        key: {
+            "ratio": statistics.mean.over(theirs[key].mean).estimate(),
+            "p95_ratio": statistics.p95.over(theirs[key].p95).estimate(),
+        }
+        for key, statistics in mine.items()
+        if _metric(key).cut and _metric(key).less
+    }
 
 
-def _against(mine: Any, theirs: Any, draws: Draws) -> dict[str, Any]:
-    """Paired differences and the probability of improvement over the baseline, for the errors."""
-    result: dict[str, Any] = {}
-    for metric, description in METRICS.items():
-        if not description.error:
-            continue
-        for part in description.parts:
-            # Seeds of the baseline are averaged in each episode.
-            x, y = mine[metric][part], theirs[metric][part]
-            result.setdefault(metric, {})[part] = {
-                "difference": Scores(x - y.mean(axis=0), draws).statistics()[0].estimate(),
-                "probability_of_improvement": Scores(x, draws).improvement(Scores(y, draws)).estimate(),
-            }
-    return result
+def _against(mine: Mapping[str, Floats], theirs: Mapping[str, Floats], draws: Draws) -> dict[str, Any]:
+    """Paired differences and the probability of improvement over the baseline, for the errors, by "metric/part"."""
+    return {
+        # Seeds of the baseline are averaged in each episode.
+        key: {
+            "difference": Scores(x - theirs[key].mean(axis=0), draws).statistics()[0].estimate(),
+            "probability_of_improvement": Scores(x, draws).improvement(Scores(theirs[key], draws)).estimate(),
+        }
+        for key, x in mine.items()
+        if _metric(key).error
+    }
 
 
 def _thresholds(scores: list[Floats]) -> list[float]:

@@ -85,19 +85,15 @@ class Scores:
         """Scores of a finished controller; None of another."""
         try:
             with np.load(self._files[name], allow_pickle=False) as stored:
-                scores: dict[str, dict[str, Any]] = {}
-                for metric, part in (key.split("/") for key in stored.files if key != "seconds"):
-                    scores.setdefault(metric, {})[part] = stored[f"{metric}/{part}"]
+                scores = {key: stored[key] for key in stored.files if key != "seconds"}
                 return EpisodeScores(scores, float(stored["seconds"]))
         except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile):
             return None
 
     def __setitem__(self, name: str, found: EpisodeScores) -> None:
-        arrays: dict[str, Any] = {
-            f"{m}/{part}": rows for m, parts in found.scores.items() for part, rows in parts.items()
-        }
+        arrays: dict[str, Any] = {"seconds": found.seconds, **found.scores}
         with replacing(self._files[name]) as file:
-            np.savez(file, seconds=found.seconds, **arrays)
+            np.savez(file, **arrays)
 
 
 def _settings(arguments: dict[str, Any], comparisons: Sequence[Comparison]) -> dict[str, Any]:
