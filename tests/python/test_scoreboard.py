@@ -131,8 +131,3 @@ def test_a_name_that_would_alter_the_table_is_refused(name: str, folder: Path) -
     controllers = stored["results"][0]["controllers"]
     controllers[name] = controllers.pop("pd" if "pd" in controllers else "resolved")
     refused(folder, json.dumps(stored), r"controller .* is unknown")
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"circumstances": {"arguments": {}}, "results": [{}]}'])
-def test_a_file_without_results_is_refused(text: str, folder: Path) -> None:
-    refused(folder, text, r"compare\.json holds no results of uvms compare")

@@ -226,6 +226,7 @@ def test_a_policy_that_is_another_is_a_difference_and_a_missing_one_is_named(
         (b"", "Expecting value"),
         (b"[]", "a list of 0 is stored"),
         (b"{}", "circumstances is not stored"),
+        (b'{"circumstances": {"arguments": {}}, "results": [{}]}', "statistics is not stored"),
         (b'{"circumstances": {"arguments": {"seed": 0}}, "statistics": {}, "results": [{}]}', "arguments.env is not"),
         (b'{"circumstances": {"arguments": []}, "statistics": {}, "results": [{}]}', "circumstances.arguments: a list"),
         (b'{"circumstances": [], "statistics": {}, "results": [{}]}', "circumstances.arguments: null"),

@@ -1,6 +1,7 @@
 """Measures of episodes, from the statistics of a rollout."""
 
 from collections.abc import Callable, Mapping
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,24 +65,16 @@ class Metric(NamedTuple):
         return PARTS[:1] if self.whole else PARTS
 
 
-def _rms(entry: str) -> Callable[[RolloutStats], Floats]:
-    return lambda stats: stats.rms(entry)
-
-
-def _mean(entry: str) -> Callable[[RolloutStats], Floats]:
-    return lambda stats: stats.mean(entry)
-
-
 METRICS: dict[str, Metric] = {
     "pose": Metric("pose", "mm", pose_rms, 1e3, error=True),
-    "position": Metric("position", "mm", _rms("position_error"), 1e3, error=True),
-    "attitude": Metric("attitude", "mrad", _rms("attitude_error"), 1e3, error=True),
-    "end_effector": Metric("end effector", "mm", _rms("end_effector_position_error"), 1e3, error=True),
-    "power": Metric("power", "%", _mean("power"), 1e2),
-    "saturation": Metric("saturation", "%", _mean("saturation"), 1e2),
-    "variation": Metric("variation", "1e-3", _mean("action_rate"), 1e3),
+    "position": Metric("position", "mm", methodcaller("rms", "position_error"), 1e3, error=True),
+    "attitude": Metric("attitude", "mrad", methodcaller("rms", "attitude_error"), 1e3, error=True),
+    "end_effector": Metric("end effector", "mm", methodcaller("rms", "end_effector_position_error"), 1e3, error=True),
+    "power": Metric("power", "%", methodcaller("mean", "power"), 1e2),
+    "saturation": Metric("saturation", "%", methodcaller("mean", "saturation"), 1e2),
+    "variation": Metric("variation", "1e-3", methodcaller("mean", "action_rate"), 1e3),
     "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),
-    "within": Metric("in tolerance", "% of time", _mean("success"), 1e2, less=False),
+    "within": Metric("in tolerance", "% of time", methodcaller("mean", "success"), 1e2, less=False),
     "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
     "diverged": Metric("diverged", "%", lambda stats: stats.terminated.astype(np.float64), 1e2, cut=0.0, whole=True),
 }

@@ -12,7 +12,6 @@ from uvms_gym.studies.hard_cases.spinning import top_case
 from uvms_gym.studies.numerics import Floats
 
 INTERVAL = 0.5
-Steps = Mapping[int, float]
 Vector = tuple[float, ...]
 #: Options of cases whose rounding in float32 adds up, and of those whose warnings set an angle of many turns against
 #: a radian.
@@ -21,6 +20,11 @@ ROUNDING: dict[str, Any] = {
     "reason": "in float32 the rounding of up to 40 000 steps adds up",
 }
 TURNS: dict[str, Any] = {"judges_warnings": False, "reason": "warnings set an angle of many turns against a radian"}
+
+
+def by_order(steps: Vector) -> dict[int, float]:
+    """Recommended steps of methods of orders 4, 3 and 2, by order."""
+    return dict(zip((4, 3, 2), steps, strict=True))
 
 
 def every_interval(about: str, seconds: float, observed: str) -> tuple[str, Floats]:
@@ -35,16 +39,16 @@ def _case(
     scene: Scene,
     seconds: float,
     reference: Callable[[Floats], Reference | Quantities],
-    steps: Steps,
+    steps: Vector,
     start: Mapping[str, Any],
     **more: Any,
 ) -> Case:
     description, times = every_interval(about, seconds, observed)
-    return motion_case(name, description, scene, times, reference, steps, start, **more)
+    return motion_case(name, description, scene, times, reference, by_order(steps), start, **more)
 
 
 def _symmetric(
-    name: str, about: str, moments: tuple[float, float], spin: Vector, seconds: float, steps: Steps, **more: Any
+    name: str, about: str, moments: tuple[float, float], spin: Vector, seconds: float, steps: Vector, **more: Any
 ) -> Case:
     """Free body with two equal moments, transverse and axial."""
     transverse, axial = moments
@@ -59,40 +63,28 @@ def _symmetric(
 
 SYMMETRIC = (
     _symmetric(
-        "needle",
-        "moments 1e-8 of each other, 10 rad/s",
-        (1.0, 1e-8),
-        (0.2, -0.3, 10.0),
-        10.0,
-        {4: 0.0025, 3: 0.001, 2: 0.00025},
+        "needle", "moments 1e-8 of each other, 10 rad/s", (1.0, 1e-8), (0.2, -0.3, 10.0), 10.0, (0.0025, 0.001, 0.00025)
     ),
     _symmetric(
-        "rod",
-        "moments 0.01 of each other, 12 rad/s",
-        (0.5, 0.005),
-        (0.3, 0.1, 12.0),
-        10.0,
-        {4: 0.002, 3: 0.001, 2: 0.00025},
+        "rod", "moments 0.01 of each other, 12 rad/s", (0.5, 0.005), (0.3, 0.1, 12.0), 10.0, (0.002, 0.001, 0.00025)
     ),
-    _symmetric(
-        "disc", "a disc in a wobble at 10 rad/s", (1.0, 1.98), (0.5, 0.2, 10.0), 10.0, {4: 0.005, 3: 0.0025, 2: 0.002}
-    ),
+    _symmetric("disc", "a disc in a wobble at 10 rad/s", (1.0, 1.98), (0.5, 0.2, 10.0), 10.0, (0.005, 0.0025, 0.002)),
     _symmetric(
         "near ball",
         "moments 1 % apart, 25 rad/s",
         (1.0, 1.01),
         (15.0, -9.0, 18.0),
         20.0,
-        {4: 0.01, 3: 0.025, 2: 0.01},
+        (0.01, 0.025, 0.01),
         **ROUNDING,
     ),
 )
 
 
-def _tumble(name: str, about: str, inertia: Vector, spin: Vector, seconds: float, steps: Steps, **more: Any) -> Case:
+def _tumble(name: str, about: str, inertia: Vector, spin: Vector, seconds: float, steps: Vector, **more: Any) -> Case:
     """Free body with three moments."""
     description, times = every_interval(about, seconds, "attitude and rate")
-    return top_case(name, description, inertia, spin, times, steps, **more)
+    return top_case(name, description, inertia, spin, times, by_order(steps), **more)
 
 
 TUMBLES = (
@@ -102,25 +94,20 @@ TUMBLES = (
         (1.0, 1.5, 2.49),
         (2.0, -4.0, 4.0),
         20.0,
-        {4: 0.005, 3: 0.001, 2: 0.001},
+        (0.005, 0.001, 0.001),
         **ROUNDING,
     ),
     _tumble(
-        "slow tumble", "moments 5 % apart, 0.5 rad/s", (1.0, 1.05, 1.1), (0.3, 0.3, -0.3), 60.0, {4: 0.02, 2: 0.02}
+        "slow tumble", "moments 5 % apart, 0.5 rad/s", (1.0, 1.05, 1.1), (0.3, 0.3, -0.3), 60.0, (0.02, 0.02, 0.02)
     ),
+    _tumble("brick", "moments 0.1 % apart, 15 rad/s", (1.0, 1.001, 1.002), (9.0, 8.0, -9.0), 20.0, (0.025, 0.05, 0.05)),
     _tumble(
-        "brick",
-        "moments 0.1 % apart, 15 rad/s",
-        (1.0, 1.001, 1.002),
-        (9.0, 8.0, -9.0),
-        20.0,
-        {4: 0.025, 3: 0.05, 2: 0.05},
+        "near the middle axis", "5 rad/s, disturbed", (1.0, 1.4, 1.9), (0.05, 5.0, 0.05), 5.0, (0.02, 0.005, 0.005)
     ),
-    _tumble("near the middle axis", "5 rad/s, disturbed", (1.0, 1.4, 1.9), (0.05, 5.0, 0.05), 5.0, {4: 0.02, 2: 0.005}),
 )
 
 
-def _ideal(name: str, about: str, body: Scene, twist: Vector, steps: Steps, **more: Any) -> Case:
+def _ideal(name: str, about: str, body: Scene, twist: Vector, steps: Vector, **more: Any) -> Case:
     """Body in ideal water for 10 s: Kirchhoff's equations."""
     scene = single_body(name, body, DENSITY)
 
@@ -140,7 +127,7 @@ IDEAL = (
         "rolls at 8 rad/s askew to its way",
         {"mass": 5.0, "inertia": [0.1, 0.6, 0.6], "added_mass": [0.5, 5.0, 5.0, 0.0, 0.4, 0.4]},
         (1.0, 0.1, 0.0, 8.0, 0.2, 0),
-        {4: 0.0025, 3: 0.0005, 2: 0.0005},
+        (0.0025, 0.0005, 0.0005),
         **ROUNDING,
     ),
     _ideal(
@@ -148,20 +135,20 @@ IDEAL = (
         "glides and spins at 6 rad/s",
         {"mass": 2.0, "inertia": [0.1, 0.1, 0.2], "added_mass": [0.5, 0.5, 9.0, 0.3, 0.3, 0.0]},
         (0.8, 0.0, 0.1, 0.2, 0.0, 6.0),
-        {4: 0.005, 3: 0.002, 2: 0.001},
+        (0.005, 0.002, 0.001),
     ),
     _ideal(
         "added mass off centre",
         "a body turns at 3 rad/s about a point beside it",
         {"mass": 5.0, "inertia": [0.3, 0.6, 0.7], "added_mass": _OFF_CENTRE.tolist()},
         (0.6, 0.2, -0.1, 1.0, 0.5, 3.0),
-        {4: 0.01, 3: 0.005, 2: 0.0025},
+        (0.01, 0.005, 0.0025),
     ),
 )
 
 
 def _pendulum(
-    name: str, about: str, start: tuple[float, float], drag: float, seconds: float, steps: Steps, **more: Any
+    name: str, about: str, start: tuple[float, float], drag: float, seconds: float, steps: Vector, **more: Any
 ) -> Case:
     """Pendulum: a link on a fixed vehicle, I q'' = -m g l sin q - d q'."""
     mass, com, central = 2.0, 0.3, 0.05
@@ -183,37 +170,12 @@ def _pendulum(
 
 PENDULUMS = (
     _pendulum(
-        "wide swing",
-        "a pendulum from 2.8 rad, undamped",
-        (2.8, 0.0),
-        0.0,
-        20.0,
-        {4: 0.0025, 3: 0.0005, 2: 0.0005},
-        **ROUNDING,
+        "wide swing", "a pendulum from 2.8 rad, undamped", (2.8, 0.0), 0.0, 20.0, (0.0025, 0.0005, 0.0005), **ROUNDING
     ),
-    _pendulum(
-        "capsized pendulum",
-        "let go at 0.01 rad from the top",
-        (3.1316, 0.0),
-        0.02,
-        5.0,
-        {4: 0.01, 3: 0.0025, 2: 0.0025},
-    ),
-    _pendulum(
-        "over the top", "a pendulum that turns over", (0.0, 13.0), 0.0, 10.0, {4: 0.005, 3: 0.001, 2: 0.0025}, **TURNS
-    ),
-    _pendulum(
-        "fast pendulum wheel",
-        "a pendulum at 60 rad/s",
-        (0.0, 60.0),
-        0.0,
-        10.0,
-        {4: 0.005, 3: 0.0025, 2: 0.005},
-        **TURNS,
-    ),
-    _pendulum(
-        "long swing", "a pendulum from 1 rad, little damped", (1.0, 0.0), 0.005, 30.0, {4: 0.005, 3: 0.001, 2: 0.0005}
-    ),
+    _pendulum("capsized pendulum", "let go at 0.01 rad from the top", (3.1316, 0.0), 0.02, 5.0, (0.01, 0.0025, 0.0025)),
+    _pendulum("over the top", "a pendulum that turns over", (0.0, 13.0), 0.0, 10.0, (0.005, 0.001, 0.0025), **TURNS),
+    _pendulum("fast pendulum wheel", "a pendulum at 60 rad/s", (0.0, 60.0), 0.0, 10.0, (0.005, 0.0025, 0.005), **TURNS),
+    _pendulum("long swing", "a pendulum from 1 rad, little damped", (1.0, 0.0), 0.005, 30.0, (0.005, 0.001, 0.0005)),
 )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from uvms_gym.studies.hard_cases.accumulation import INTERVAL, TURNS, Steps, Vector, every_interval
+from uvms_gym.studies.hard_cases.accumulation import INTERVAL, TURNS, Vector, by_order, every_interval
 from uvms_gym.studies.hard_cases.case import Case, converged, motion
 from uvms_gym.studies.hard_cases.scenes import GRAVITY, Scene, link, single_body, with_arm
 
@@ -22,7 +22,7 @@ def _chain(
     about: str,
     links: list[Scene],
     start: Mapping[str, Any],
-    steps: Steps,
+    steps: Vector,
     fine: float,
     vehicle: Scene | None = None,
     gravity: float = 0.0,
@@ -33,7 +33,7 @@ def _chain(
     scene = single_body(name, vehicle or {"mass": 1.0, "inertia": [1.0] * 3}, gravity=gravity)
     observed = ["q", "q'"] + ([] if vehicle is None else ["attitude", "rate"])
     run = motion(with_arm(scene, *links, fixed=vehicle is None), times, observed, start)
-    return Case(name, description, run, cache(lambda: converged(run, fine)), steps, INTERVAL, **more)
+    return Case(name, description, run, cache(lambda: converged(run, fine)), by_order(steps), INTERVAL, **more)
 
 
 _LIGHT = {"mass": 0.5, "inertia": [0.004, 0.005, 0.006]}
@@ -46,7 +46,7 @@ CASES = (
         "a rotor off balance at 40 rad/s on a light vehicle",
         [_link("rotor", 2, 0.1, (0.02, 0.0, 0.01), (2e-4, 2e-4, 4e-4))],
         {"twist": _SPIN, "qd": [40.0]},
-        {4: 0.005, 3: 0.0025, 2: 0.0025},
+        (0.005, 0.0025, 0.0025),
         2.5e-4,
         _LIGHT,
         **TURNS,
@@ -59,7 +59,7 @@ CASES = (
             _link("second", 0, 0.1, (0.0, 0.0, 0.01), (5e-4, 3e-4, 3e-4)),
         ],
         {"twist": _SPIN, "qd": [30.0, 20.0]},
-        {4: 0.001, 3: 0.00025, 2: 0.0005},
+        (0.001, 0.00025, 0.0005),
         2.5e-4,
         _LIGHT,
         **TURNS,
@@ -72,7 +72,7 @@ CASES = (
             _link("lower", 1, 0.7, (0.0, 0.0, -0.15), (0.008, 0.008, 0.008), (0.0, 0.0, -0.3)),
         ],
         {"q": [1.2, 0.8]},
-        {4: 0.0025, 3: 0.001, 2: 0.001},
+        (0.0025, 0.001, 0.001),
         5e-4,
         gravity=GRAVITY,
     ),
@@ -84,7 +84,7 @@ CASES = (
             _link("slider", 0, 0.2, ORIGIN, _PLAIN, kind="prismatic"),
         ],
         {"q": [0.0, 0.001], "qd": [2.0, 0.0]},
-        {4: 0.025, 2: 0.01},
+        (0.025, 0.01, 0.01),
         1e-3,
     ),
     _chain(
@@ -96,7 +96,7 @@ CASES = (
             _link("top", 2, 0.5, (0.0, 0.0, 0.1), (0.003, 0.003, 0.004)),
         ],
         {"q": [0.0, 0.6, 0.0], "qd": [0.0, 0.0, 50.0]},
-        {4: 0.0025, 2: 0.001},
+        (0.0025, 0.001, 0.001),
         5e-4,
         gravity=GRAVITY,
         **TURNS,
@@ -109,7 +109,7 @@ CASES = (
             _link("lower", 2, 0.2, (0.1, 0.0, 0.0), (0.0005, 0.001, 0.001), (0.3, 0.0, 0.0)),
         ],
         {"q": [0.3, 0.9], "qd": [2.0, -3.0], "twist": _SPIN},
-        {4: 0.01, 3: 0.005, 2: 0.005},
+        (0.01, 0.005, 0.005),
         1e-3,
         {"mass": 1.0, "inertia": [0.02, 0.03, 0.03]},
     ),

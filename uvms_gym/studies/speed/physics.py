@@ -2,7 +2,7 @@
 
 import multiprocessing
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
@@ -163,18 +163,22 @@ def _result(pool: ProcessPoolExecutor, function: Callable[..., Any], argument: A
 def parameter_costs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Cost of parameters per instance, in percent, by pairs of rows with and without them."""
 
-    def key(row: Mapping[str, Any]) -> tuple[Any, ...]:
-        return tuple(row[name] for name in Setting._fields if name != "varied")
-
-    shared = {key(row): row for row in rows if not row["varied"]}
     result = []
-    for row in rows:
-        if row["varied"] and (other := shared.get(key(row))):
-            own, same = (each["samples"].fair(row["threads"]) for each in (row, other))
-            percent = summary(100.0 * (own / same - 1.0))
-            kept = {name: row[name] for name in ("scene", "dtype", "instruction_set", "bytes")}
-            result.append(kept | {"percent": percent})
+    for row, other in _pairs(rows, [name for name in Setting._fields if name != "varied"], "varied", False):
+        own, same = (each["samples"].fair(row["threads"]) for each in (row, other))
+        kept = {name: row[name] for name in ("scene", "dtype", "instruction_set", "bytes")}
+        result.append(kept | {"percent": summary(100.0 * (own / same - 1.0))})
     return result
+
+
+def _pairs(
+    rows: Sequence[Mapping[str, Any]], alike: Sequence[str], key: str, base: Any
+) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """Rows whose `key` is not `base`, each with the row of the base whose entries `alike` are the same, if any."""
+    bases = {tuple(row.get(name) for name in alike): row for row in rows if row[key] == base}
+    for row in rows:
+        if row[key] != base and (other := bases.get(tuple(row.get(name) for name in alike))):
+            yield row, other
 
 
 def thread_speedups(
@@ -185,17 +189,10 @@ def thread_speedups(
     `rows` come from `steps`, `vector` from `environment.vector_study`.
     """
     most = max(row["substeps"] for row in rows)
-    named = [("physics", row) for row in rows if (row["n"], row["substeps"], row["varied"]) == (many, most, False)]
-    named += [("make_vec", row) for row in vector]
-
-    def key(what: str, row: Mapping[str, Any]) -> tuple[Any, ...]:
-        return (what, *(row.get(name) for name in ("scene", "n", "dtype", "substeps", "instruction_set")))
-
-    alone = {key(what, row): row for what, row in named if row["threads"] == 1}
+    chosen = [row for row in rows if (row["n"], row["substeps"], row["varied"]) == (many, most, False)]
     result = []
-    for what, row in named:
-        one = alone.get(key(what, row))
-        if row["threads"] > 1 and one is not None:
+    for what, measured in (("physics", chosen), ("make_vec", vector)):
+        for row, one in _pairs(measured, ("scene", "n", "dtype", "substeps", "instruction_set"), "threads", 1):
             ratio = summary(one["samples"].wall / row["samples"].wall)
             kept = {name: row[name] for name in ("scene", "n", "threads", "dtype", "substeps")}
             result.append({"what": what, "instruction_set": row.get("instruction_set"), **kept, "ratio": ratio})
