@@ -125,17 +125,9 @@ def record(
     rows, actions, memory = [], [], None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        envs = gymnasium.make_vec(
-            case.env,
-            num_envs=case.episodes,
-            **{
-                **case.options,
-                "integrator": configuration.integrator,
-                "dtype": configuration.dtype,
-                "dt": about.period / count,
-                "substeps": count,
-            },
-        )
+        chosen = {"integrator": configuration.integrator, "dtype": configuration.dtype, "substeps": count}
+        options: dict[str, Any] = {**case.options, **chosen, "dt": about.period / count}
+        envs = gymnasium.make_vec(case.env, num_envs=case.episodes, **options)
         inner: TaskVectorEnv = envs.unwrapped  # type: ignore[assignment]
         if drive is None:
             shape = (about.steps, *envs.action_space.shape)  # type: ignore[misc]

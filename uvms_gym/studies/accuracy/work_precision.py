@@ -123,13 +123,10 @@ def study(
             row["cost"] = cost
     # Joint servos are on, and no joint reaches an end stop.
     stable = Simulator(scene).stable_steps(vehicle_servo=False, end_stops=False)
+    titles = {"method": REFERENCE.title, "checks": [check.title for check in CHECKS]}
     return {
         "character": character(motion, reference),
-        "reference": {
-            "method": REFERENCE.title,
-            "checks": [check.title for check in CHECKS],
-            "uncertainty": uncertainty,
-        },
+        "reference": titles | {"uncertainty": uncertainty},
         "rows": rows,
         "orders": orders(rows, stable),
         "stable_steps": stable,

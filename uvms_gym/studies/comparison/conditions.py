@@ -182,12 +182,10 @@ def make_conditions(
         An environment, a disturbance or a departure is unknown, the environment is of another kind, or two files of
         scenes have the same name.
     """
-    for name in levels:
-        if name not in disturbance_levels():
-            raise ValueError(f"there is no disturbance {name!r}; known: {', '.join(disturbance_levels())}")
-    for name in departures:
-        if name not in DEPARTURES:
-            raise ValueError(f"there is no condition {name!r}; known: {', '.join(DEPARTURES)}")
+    for kind, given, known in (("disturbance", levels, disturbance_levels()), ("condition", departures, DEPARTURES)):
+        for name in given:
+            if name not in known:
+                raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(known)}")
     found = []
     chosen: list[str | None] = [*levels] or [None]
     for env in envs:

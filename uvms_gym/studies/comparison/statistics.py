@@ -86,7 +86,7 @@ class Draws:
         return _copies(np.random.default_rng([self._seed, count]), count, self.resamples)
 
     def counts(
-        self, shape: tuple[int, int], order: NDArray[np.intp], width: int
+        self, shape: tuple[int, ...], order: NDArray[np.intp], width: int
     ) -> Iterator[tuple[slice, NDArray[np.int32]]]:
         """Chunks (k, S N) of the counts of scores of a matrix (S, N), taken in an order (S N,), in each resample.
 
@@ -135,7 +135,7 @@ class Scores:
         places = np.searchsorted(self._sorted, np.asarray(thresholds), side="right")
         means, quantiles = np.empty(draws.resamples), np.empty(draws.resamples)
         shares = np.empty((draws.resamples, len(places)))
-        for chunk, counts in draws.counts(self._shape, self._order, n):
+        for chunk, counts in draws.counts(self.scores.shape, self._order, n):
             upto = np.cumsum(counts, axis=1, dtype=np.int32)
             ends = np.array([np.searchsorted(row, (below, min(below + 1, n - 1)), side="right") for row in upto])
             low, high = self._sorted[ends].T
@@ -166,7 +166,7 @@ class Scores:
         pairs = float(self._sorted.size * other._sorted.size)
         resampled = np.empty(self._draws.resamples)
         width = self._sorted.size + other._sorted.size
-        ours, theirs = (x._draws.counts(x._shape, x._order, width) for x in (self, other))
+        ours, theirs = (x._draws.counts(x.scores.shape, x._order, width) for x in (self, other))
         for (chunk, counts), (_, others) in zip(ours, theirs, strict=True):
             passed = np.zeros((len(others), other._sorted.size + 1), dtype=np.int32)
             np.cumsum(others, axis=1, out=passed[:, 1:])
@@ -174,11 +174,6 @@ class Scores:
             both += passed.take(upto, axis=1)
             resampled[chunk] = 1.0 - 0.5 * np.einsum("rn,rn->r", both, counts, dtype=np.float64) / pairs
         return Sample(1.0 - 0.5 * float((below + upto).sum()) / pairs, resampled)
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        seeds, episodes = self.scores.shape
-        return seeds, episodes
 
 
 def interquartile_mean(scores: ArrayLike) -> float:

@@ -138,79 +138,68 @@ def _stiff_damping() -> Case:
     )
 
 
-# Joint gains a hundred times too high: the Reach Alpha 5 on its vehicle, moved by its servos to new targets.
-GAIN = 100.0
-# As far as the torque limits allow, and far enough for float32: a joint near 3 rad stops where its increment h q'
-# falls below half a unit in the last place, 1.2e-7 rad.
-SERVO_STEP = np.array([0.05, -0.016, 0.05, 0.05])
-SERVO_TIMES = instants(0.2, 5)
+def _stiff_servo() -> Case:
+    """Joint gains a hundred times too high: the Reach Alpha 5 on its vehicle, moved by its servos to new targets."""
+    # As far as the torque limits allow, and far enough for float32: a joint near 3 rad stops where its increment h q'
+    # falls below half a unit in the last place, 1.2e-7 rad.
+    travel = np.array([0.05, -0.016, 0.05, 0.05])
+
+    def run(runner: CaseRunner) -> Quantities:
+        scene = load_scene("bluerov2-heavy-alpha5")
+        for loaded in scene["arm"]["links"]:
+            for gain in ("kp", "kd"):
+                loaded["joint"]["servo"][gain] *= 100.0
+        s = runner.simulator(scene | {"name": "hard case stiff servos", "provenance": {}})
+        start = s.q[0]
+
+        def observe(s: Simulator) -> Quantities:
+            end = s.end_effector_pose()[0]
+            return {"travel of joints": s.q[0] - start, "attitude": s.rotation[0], "end effector": end[:3, 3]}
+
+        return runner.sampled(s, instants(0.2, 5), observe, joint_target=start + travel)
+
+    return Case(
+        "PD gains 100 times too high",
+        "BlueROV2 + Alpha 5, servo gains a hundredfold, joints to new targets, 1 s: joints, end effector",
+        run,
+        cache(lambda: converged(run, 5e-5)),
+        {1: 0.00025},
+        0.2,
+        {2: 0.01, 3: 0.0025},
+        reason="explicit methods need steps below the time constant of 0.2 ms; a linearly implicit one does not",
+    )
 
 
-def _run_servo(runner: CaseRunner) -> Quantities:
-    scene = load_scene("bluerov2-heavy-alpha5")
-    for loaded in scene["arm"]["links"]:
-        for gain in ("kp", "kd"):
-            loaded["joint"]["servo"][gain] *= GAIN
-    s = runner.simulator(scene | {"name": "hard case stiff servos", "provenance": {}})
-    start, target = s.q[0], s.q[0] + SERVO_STEP
+def _reversal() -> Case:
+    """Motion without damping returns to its start after all velocities are reversed."""
+    twist, rates, time = np.array([0.2, -0.1, 0.1, 0.1, -0.15, 0.2]), np.array([0.2, -0.3, 0.3, 0.4, 0.3]), 2.0
 
-    def observe(s: Simulator) -> Quantities:
-        end = s.end_effector_pose()[0]
-        return {"travel of joints": s.q[0] - start, "attitude": s.rotation[0], "end effector": end[:3, 3]}
+    @cache
+    def scene() -> Scene:
+        scene = conservative_scene(wet=True)
+        scene["water"]["gravity"] = [0.0, 0.0, -GRAVITY]
+        return scene | {"name": "hard case reversal"}
 
-    return runner.sampled(s, SERVO_TIMES, observe, joint_target=target)
+    def state(s: Simulator, twist: Floats, qd: Floats) -> Quantities:
+        # Positions relative to a metre.
+        return {"position": 1.0 + s.position, "attitude": s.rotation, "twist": twist, "q": s.q, "q'": qd}
 
+    def run(runner: CaseRunner) -> Quantities:
+        s = runner.simulator(scene())
+        s.set_state(twist=twist, qd=rates)
+        runner.advance(s, time)
+        s.set_state(twist=-s.twist, qd=-s.qd)
+        runner.advance(s, time)
+        return state(s, -s.twist, -s.qd)
 
-STIFF_SERVO = Case(
-    name="PD gains 100 times too high",
-    description="BlueROV2 + Alpha 5, servo gains a hundredfold, joints to new targets, 1 s: joints, end effector",
-    run=_run_servo,
-    reference=cache(lambda: converged(_run_servo, 5e-5)),
-    steps={1: 0.00025},
-    interval=0.2,
-    implicit_steps={2: 0.01, 3: 0.0025},
-    reason="explicit methods need steps below the time constant of 0.2 ms; a linearly implicit one does not",
-)
-
-
-# Motion without damping returns to its start after all velocities are reversed.
-BACK_TWIST = np.array([0.2, -0.1, 0.1, 0.1, -0.15, 0.2])
-BACK_RATES = np.array([0.2, -0.3, 0.3, 0.4, 0.3])
-BACK_TIME = 2.0
-
-
-@cache
-def _ideal_arm() -> Scene:
-    scene = conservative_scene(wet=True)
-    scene["water"]["gravity"] = [0.0, 0.0, -GRAVITY]
-    return scene | {"name": "hard case reversal"}
+    return Case(
+        "reversal of time",
+        "PETASUS-PUM without damping and friction, 2 s forth and 2 s back under restoring loads: whole state",
+        run,
+        lambda: Reference(state(Simulator(scene()), twist[None], rates[None]), "the state at the start"),
+        {4: 0.02, 3: 0.01, 2: 0.02, 1: 0.002},
+        time,
+    )
 
 
-def _run_back(runner: CaseRunner) -> Quantities:
-    s = runner.simulator(_ideal_arm())
-    s.set_state(twist=BACK_TWIST, qd=BACK_RATES)
-    runner.advance(s, BACK_TIME)
-    s.set_state(twist=-s.twist, qd=-s.qd)
-    runner.advance(s, BACK_TIME)
-    return _back(s, -s.twist, -s.qd)
-
-
-def _back(s: Simulator, twist: Floats, qd: Floats) -> Quantities:
-    # Positions relative to a metre.
-    return {"position": 1.0 + s.position, "attitude": s.rotation, "twist": twist, "q": s.q, "q'": qd}
-
-
-def _back_reference() -> Reference:
-    return Reference(_back(Simulator(_ideal_arm()), BACK_TWIST[None], BACK_RATES[None]), "the state at the start")
-
-
-REVERSAL = Case(
-    name="reversal of time",
-    description="PETASUS-PUM without damping and friction, 2 s forth and 2 s back under restoring loads: whole state",
-    run=_run_back,
-    reference=_back_reference,
-    steps={4: 0.02, 3: 0.01, 2: 0.02, 1: 0.002},
-    interval=BACK_TIME,
-)
-
-CASES = (_light_link(), _heavy_link(), _stiff_damping(), STIFF_SERVO, REVERSAL)
+CASES = (_light_link(), _heavy_link(), _stiff_damping(), _stiff_servo(), _reversal())

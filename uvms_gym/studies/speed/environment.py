@@ -43,7 +43,13 @@ class VectorEnv(Case):
         self.next = 0
         self.last: tuple[NDArray[Any], ...] = ()
         self.env.reset(seed=seed)
-        _stagger(self.env, rng, self.step)
+        # An episode's length, in which each instance is reset at a random step.
+        length = gymnasium.spec(ENV).max_episode_steps or 1
+        at = rng.integers(length, size=n)
+        for k in range(length):
+            self.step()
+            if (mask := at == k).any():
+                self.env.reset(options={"reset_mask": mask})
 
     def step(self) -> None:
         """One control step of all instances."""
@@ -146,13 +152,3 @@ def _actions(rng: np.random.Generator, shape: tuple[int, ...]) -> list[NDArray[n
     """Actions with zero mean: no vehicle is driven away, and every episode has its full length."""
     half = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN // 2)]
     return [action for drawn in half for action in (drawn, -drawn)]
-
-
-def _stagger(env: Any, rng: np.random.Generator, step: Any) -> None:
-    """Run for the length of an episode, and reset each instance at a random step."""
-    length = gymnasium.spec(ENV).max_episode_steps or 1
-    at = rng.integers(length, size=env.num_envs)
-    for k in range(length):
-        step()
-        if (mask := at == k).any():
-            env.reset(options={"reset_mask": mask})

@@ -57,8 +57,12 @@ def terms_of(scene: Table) -> list[Term]:
             term = Term(name, False, note="the vehicle is fixed in the world") if held else None
             terms.append(term or _of_kind(scene, name, kind, pick))
     terms += [_current(scene), *(_of_kind(scene, kind.name, kind, joints) for kind in _JOINT_KINDS)]
-    terms += [_arm_base(scene), _payload(scene)]
-    terms += [*(_vehicle_part(scene, key, note) for key, note in vehicle_terms()), _thrusters(scene)]
+    terms += [_arm_base(scene), _part(scene, "payload", lambda s: s, "its mass and its hydrodynamics")]
+    for key, note in vehicle_terms():
+        # Fins of a scene without water do nothing.
+        dry = key == "fins" and scene["water"]["density"] == 0.0
+        terms.append(Term(key, False) if dry else _part(scene["vehicle"], key, lambda s: s["vehicle"], note))
+    terms.append(_thrusters(scene))
     removals = [term.remove for term in terms if term.remove is not None]
     if len(removals) > 1:
         terms.append(Term(ALL, True, lambda scene: [remove(scene) for remove in removals], "rigid bodies remain"))
@@ -209,16 +213,11 @@ def _arm_base(scene: Table) -> Term:
     return Term("arm base", True, lambda scene: scene["arm"].pop("base", None), "its mass and its hydrodynamics")
 
 
-def _payload(scene: Table) -> Term:
-    edit = (lambda scene: scene.pop("payload", None)) if scene.get("payload") else None
-    return Term("payload", edit is not None, edit, "its mass and its hydrodynamics" if edit else "")
-
-
-def _vehicle_part(scene: Table, key: str, note: str) -> Term:
-    dry = key == "fins" and scene["water"]["density"] == 0.0
-    if dry or not scene["vehicle"].get(key):
+def _part(table: Table, key: str, pick: Callable[[Table], Table], note: str) -> Term:
+    """Term of a part that may be in a table of the scene, which `pick` finds."""
+    if not table.get(key):
         return Term(key, False)
-    return Term(key, True, lambda scene: scene["vehicle"].pop(key, None), note)
+    return Term(key, True, lambda scene: pick(scene).pop(key, None), note)
 
 
 _DYNAMICS = ("lag", "dead_band", "map", "ambient_flow")
