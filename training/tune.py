@@ -41,7 +41,8 @@ from search import Space, rounded, search, store, write
 import uvms_gym
 from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
-from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.common import fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.options import ranged
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.families import BASELINE, CONTROLLERS, Limits, canonical, is_bound
 from uvms_gym.controllers.registry import PRETRAINED, place
@@ -259,20 +260,16 @@ def main(
     axes: Annotated[
         Literal["alike", "each"], typer.Option(help="Factors of gains: shared by x and y, roll and pitch, or by axis.")
     ] = "alike",
-    generations: Annotated[int, typer.Option(help="Generations of the search, 1 to 1000.")] = 40,
-    population: Annotated[int, typer.Option(help="Candidates of a generation, 4 to 1000.")] = 32,
-    episodes: Annotated[int, typer.Option(help="Episodes of a candidate, 4 to 10000.")] = 64,
-    finals: Annotated[int, typer.Option(help="Episodes of a finalist, 4 to 10000.")] = 1024,
+    generations: Annotated[int, ranged("Generations of the search, 1 to 1000.", 1, 1000)] = 40,
+    population: Annotated[int, ranged("Candidates of a generation, 4 to 1000.", 4, 1000)] = 32,
+    episodes: Annotated[int, ranged("Episodes of a candidate, 4 to 10000.", 4, 10000)] = 64,
+    finals: Annotated[int, ranged("Episodes of a finalist, 4 to 10000.", 4, 10000)] = 1024,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Maximum number of threads. [default: one per core]")] = None,
     policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = PRETRAINED,
     work: Annotated[Path, typer.Option(help="Folder for the state of interrupted searches.")] = Path("out/tune"),
 ) -> None:
     """Tune gains of classical controllers, and write them into the package."""
-    check_range("--generations", generations, 1, 1000)
-    check_range("--population", population, 4, 1000)
-    check_range("--episodes", episodes, 4, 10_000)
-    check_range("--finals", finals, 4, 10_000)
     budget = Budget(generations, population, episodes, finals)
     if generations * episodes + finals > len(SEEDS):
         raise fail(f"--generations times --episodes is {generations * episodes}, but must be below {len(SEEDS)}")
@@ -336,7 +333,7 @@ def main(
             **{key: made[key] for key in ("uvms_gym", "commit", "python", "numpy", "gymnasium", "machine")},
         }
         store(file, name, gains, record)
-        _tell(name, gains, record)
+        _print(name, gains, record)
     line(str(file))
 
 
@@ -360,14 +357,14 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None, info
     if substeps < 1 or not math.isclose(substeps * dt, period):
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
-    options = {"scene": inner.options.scene, "dt": dt, "substeps": substeps, "max_episode_steps": steps}
-    options |= {"threads": threads}
+    options = {"scene": inner.options.scene, "dt": dt, "substeps": substeps, "threads": threads}
+    options["max_episode_steps"] = steps
     if informed:
         options["disturbance"] = {"base": inner.options.disturbance, "noise": None, "delay": None}
     return Arena(env, options, steps)
 
 
-def _tell(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:
+def _print(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:
     limit = record["effort_limit"]
     effort = f"effort {record['effort']:.4f}" + ("" if limit is None else f" (limit {limit:.4f})")
     line(f"{name}: {record['score']:.4f} m, {effort}, {record['seconds']:.0f} s")

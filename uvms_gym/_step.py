@@ -5,7 +5,7 @@ body twist (6); q' (n); thrusts (m) of thrusters with dynamics, N. A target pose
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,11 +26,10 @@ class Call:
     parameters: tuple[str, ...]
     substeps: int
 
-    #: Names of all arguments, the state first.
-    arguments: tuple[str, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "arguments", ("state", *self.inputs, *self.parameters))
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of all arguments, the state first."""
+        return ("state", *self.inputs, *self.parameters)
 
     def keywords(self, values: Sequence[Floats]) -> dict[str, Any]:
         """Inputs of `Simulator.step` from the values of the arguments."""

@@ -75,6 +75,9 @@ REFUSED = [
     ("play --out x.png --window", "--out goes without --window"),
     ("play --out x.png --controller joystick", "unknown controller 'joystick'; known: none, pd"),
     ("play --out x.png --controller mlp:no-such-file", "cannot read no-such-file"),
+    ("play --out x.png --controller mlp:", "controller 'mlp:' names no file, but must be mlp:FILE"),
+    ("controllers --scene nope", "nope"),
+    ("controllers mlp:x", "NAME is 'mlp:x', but must be FAMILY or FAMILY/SETTING"),
     ("play --out /proc/no/x.png --seconds 0.1", "cannot make the folder"),
     ("play --out x.avi", "must end in .mp4, .gif, .png"),
     ("play --plot x.jpg", "must end in .png"),
@@ -229,7 +232,7 @@ TRAINING = [
     ("--algo asymmetric-ppo -params replicas:3", "replicas is 3, but must be even"),
     ("--algo asymmetric-ppo --start /nonexistent.safetensors", "/nonexistent.safetensors: No such file"),
     ("--algo asymmetric-ppo --env-kwargs wind:1", "wind"),
-    ("--algo shac --env UVMS-Dock-Storm-v0", "no hyperparameters for UVMS-Dock-Storm-v0"),
+    ("--algo shac --env UVMS-Dock-Storm-v0", "no hyperparameters for UVMS-Dock-Storm-v0; known: UVMS-"),
 ]
 CASES = [pytest.param(*row, id=row[0]) for row in REFUSED]
 CASES += [pytest.param(f"train {row[0]}", row[1], id=row[0], marks=pytest.mark.learning) for row in TRAINING]

@@ -15,7 +15,7 @@ import uvms_gym
 from uvms_gym import MLP
 from uvms_gym.cli import main
 from uvms_gym.cli.app import app
-from uvms_gym.cli.common import environment_arguments
+from uvms_gym.cli.environments import environment_arguments
 from uvms_gym.studies.comparison.conditions import make_conditions
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.scoreboard import ENVS, RULE, read_entries

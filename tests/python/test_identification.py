@@ -14,7 +14,7 @@ import uvms_gym
 from uvms_gym import _rotations as rotations
 from uvms_gym import identification
 from uvms_gym.cli import main
-from uvms_gym.identification import least_squares, scene_keys, toml
+from uvms_gym.identification import files, least_squares, scene_keys
 from uvms_gym.identification.recordings import record
 from uvms_gym.identification.replay import Corrections, Replay, equilibrium
 from uvms_gym.studies.identification.synthetic import Sensors, synthetic_log
@@ -266,9 +266,9 @@ def test_errors_name_key_or_trial(synthetic: Any, free: list[str], options: dict
 
 def test_toml_reads_back() -> None:
     data = {"start": 9.5, "joints": {"time": {"lag": 0.1}, "axes": {"a b": {"zero": -1e-5}}}, "list": ["x", True, 2]}
-    assert tomllib.loads(toml.dumps(data)) == data
+    assert tomllib.loads(files.to_toml(data)) == data
     whole = tomllib.loads((POOL / "map.toml").read_text())
-    assert tomllib.loads(toml.dumps(whole)) == whole
+    assert tomllib.loads(files.to_toml(whole)) == whole
 
 
 def test_shipped_scene_carries_its_intervals() -> None:

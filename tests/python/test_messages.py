@@ -77,7 +77,7 @@ def test_a_positive_rate_is_explained(scene: str, unstable: bool, capsys: pytest
 
 def test_play_alone_is_the_view_in_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     served: list[Any] = []
-    monkeypatch.setattr(play, "_need", lambda *names: None)
+    monkeypatch.setattr(play, "need", lambda *names: None)
     monkeypatch.setattr(play, "_serve", lambda *given: served.append(given))
     assert main(["play"]) == 0
     ((env, controller, seed, port),) = served

@@ -15,8 +15,7 @@ from PIL import Image
 import uvms_gym
 from uvms_gym import Renderer
 from uvms_gym.cli import main
-from uvms_gym.cli.film import film
-from uvms_gym.cli.overlay import COLOURS, Overlay
+from uvms_gym.cli.film import COLOURS, Overlay, film
 from uvms_gym.cli.pictures import Frame, read_settings
 from uvms_gym.cli.play import _run
 from uvms_gym.envs.rendering import between, shots

@@ -259,6 +259,7 @@ def test_classical_controllers_are_no_worse_tuned_than_untuned_at_any_delay(task
 
 def test_gains_are_only_for_their_scene_task_and_period(shipped: Path) -> None:
     assert registry.tuned("pd", **OPTIONS) == {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}
+    assert registry.tuned("pd/default", **OPTIONS) == registry.tuned("pd", **OPTIONS)
     assert registry.tuned("pid", **OPTIONS) is None
     assert registry.tuned("pd", scene=SMALL) is None
     # Conditions other than those change nothing.

@@ -15,7 +15,6 @@ from PIL import Image
 import uvms_gym
 from uvms_gym import Renderer, Simulator
 from uvms_gym.cli import main
-from uvms_gym.cli import play as module
 from uvms_gym.envs.rendering import Pictures
 
 PETASUS = "petasus-pum"
@@ -234,7 +233,7 @@ def test_a_window_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    monkeypatch.setattr("uvms_gym.cli.common.find_spec", lambda name: None)
     for arguments, message in [
         (["--out", "x.mp4"], "imageio-ffmpeg, pillow not installed; run: pip install 'uvms-gym[view]'"),
         (["--window"], "pillow, pygame not installed; run: pip install 'uvms-gym[view]'"),

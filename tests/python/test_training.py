@@ -23,11 +23,10 @@ from uvms_gym import MLP, PD, PID, Residual
 from uvms_gym.cli import main
 from uvms_gym.controllers import NoControl
 from uvms_gym.sb3 import make_vec_env
-from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import evaluate
 from uvms_gym.training.export import TOLERANCE, card, policy_of, write_card
 from uvms_gym.training.hyperparameters import SHIPPED, arguments, parse_pairs, read_hyperparameters
-from uvms_gym.training.ppo import make_envs, make_model, train
+from uvms_gym.training.ppo import load, make_envs, make_model, train
 from uvms_gym.training.run import CURVE, POLICY, SETTINGS, Settings, latest_checkpoint
 from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 
@@ -203,7 +202,7 @@ def test_other_files_are_no_checkpoints(tmp_path: Path) -> None:
     for write in (lambda: file.write_bytes(b"no"), lambda: make_model(settings(), venv).save(file)):
         write()
         with pytest.raises(ValueError, match="holds no training run"):
-            continuation.load(file, venv)
+            load(file, venv)
     with pytest.raises(ValueError, match="has no checkpoint"):
         settings().save(tmp_path)
         latest_checkpoint(tmp_path)

@@ -11,21 +11,10 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import certificate
-from uvms_gym.cli.common import (
-    EnvKwargs,
-    check_known,
-    check_list,
-    check_range,
-    environment_arguments,
-    fail,
-    hold,
-    prepare,
-    progress,
-    read_scene,
-    several,
-    user_errors,
-)
-from uvms_gym.cli.output import Json, Out, name_files, say, scientific, table, write_results
+from uvms_gym.cli.common import check_known, check_list, fail, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import EnvKwargs, environment_arguments
+from uvms_gym.cli.options import Json, Out, ranged, several, within
+from uvms_gym.cli.output import name_files, say, scientific, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
 from uvms_gym.studies.accuracy.episodes import divides
@@ -36,11 +25,15 @@ from uvms_gym.studies.records import circumstances
 
 FILES = ("accuracy.json", "accuracy.png", "drift.png")
 EPISODES, MOST_EPISODES, MOST_TIME = 64, 10_000, 1000.0
-#: Minimum step, s: the reference is much finer; range of tolerances that double precision allows.
-MIN_STEP, MIN_TOLERANCE, MOST_TOLERANCE = 5e-4, 1e-11, 0.1
+#: Minimum step, s: the reference is much finer.
+MIN_STEP = 5e-4
 #: Episodes, time, repeats, steps and tolerances of --quick.
 QUICK_EPISODES, QUICK_TIME, QUICK_REPEATS = 16, 2.0, 3
 QUICK_STEPS, QUICK_TOLERANCES = (0.005, 0.01, 0.02, 0.05), (1e-4, 1e-6, 1e-8)
+
+
+def _numbers(text: str, default: str, minimum: float, most: float) -> Any:
+    return several(text, default, "NUMBER", callback=within(minimum, most))
 
 
 def accuracy(
@@ -53,24 +46,30 @@ def accuracy(
     ] = None,
     env_kwargs: EnvKwargs = None,
     dt: Annotated[
-        list[float] | None, several("With --env: step, s, that divides the control period", "0.001 to 0.05", "NUMBER")
+        list[float] | None,
+        _numbers("With --env: step, s, that divides the control period", "0.001 to 0.05", MIN_STEP, 1.0),
     ] = None,
     dtype: Annotated[list[str] | None, several("With --env: float64 or float32", "both")] = None,
     integrator: Annotated[list[str] | None, several("Integrator")] = None,
     step: Annotated[
-        list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1", "NUMBER")
+        list[float] | None, _numbers(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1", MIN_STEP, PERIOD)
     ] = None,
     tolerance: Annotated[
-        list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10", "NUMBER")
+        list[float] | None, _numbers("Tolerance of the adaptive method", "1e-3 to 1e-10", 1e-11, 0.1)
     ] = None,
     seconds: Annotated[
-        float | None, Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
+        float | None,
+        ranged(f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]", PERIOD, MOST_TIME, "--time"),
     ] = None,
     episodes: Annotated[
         int | None,
-        Option(help=f"Instances, each with its own start and drive, 2 to {MOST_EPISODES}. [default: {EPISODES}]"),
+        ranged(
+            f"Instances, each with its own start and drive, 2 to {MOST_EPISODES}. [default: {EPISODES}]",
+            2,
+            MOST_EPISODES,
+        ),
     ] = None,
-    seed: Annotated[int, Option(help="Seed of starts and drives.")] = 0,
+    seed: Annotated[int, ranged("Seed of starts and drives.", 0)] = 0,
     quick: Annotated[bool, Option("--quick", help="Fewer steps and instances, and 2 s of motion.")] = False,
     out: Out = Path("out/accuracy"),
     json_file: Json = None,
@@ -99,18 +98,12 @@ def accuracy(
     known = work_precision.integrators()
     check_known("integrator", integrator or (), known)
     for h in step or ():
-        check_range("--step", h, MIN_STEP, PERIOD)
         if not divides(h, PERIOD):
             raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
-    for bound in tolerance or ():
-        check_range("--tolerance", bound, MIN_TOLERANCE, MOST_TOLERANCE)
     seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
-    check_range("--time", seconds, PERIOD, MOST_TIME)
     if not divides(PERIOD, seconds):
         raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
     episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
-    check_range("--episodes", episodes, 2, MOST_EPISODES)
-    check_range("--seed", seed, 0, math.inf)
     arguments = {
         "scene": check_list("scene", scene, uvms_gym.scene_names()),
         "integrator": list(dict.fromkeys(integrator or known)),
@@ -123,7 +116,6 @@ def accuracy(
     }
     loaded = {name: read_scene(name) for name in arguments["scene"]}
     prepare(out, json_file, FILES)
-    hold(out)
     begun = time.perf_counter()
     settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
     run = {key: arguments[key] for key in ("episodes", "seed", "repeats")} | {"seconds": seconds}

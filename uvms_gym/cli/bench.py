@@ -1,6 +1,6 @@
 """`uvms bench`: time per step of the simulator, the environments, other programs and a learner."""
 
-import math
+import itertools
 import os
 import time
 from collections.abc import Sequence
@@ -12,19 +12,9 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import bench_report
-from uvms_gym.cli.common import (
-    check_known,
-    check_list,
-    check_range,
-    fail,
-    hold,
-    prepare,
-    progress,
-    read_scene,
-    several,
-    user_errors,
-)
-from uvms_gym.cli.output import Json, Out, name_files, write_results
+from uvms_gym.cli.common import check_known, check_list, fail, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.options import Json, Out, ranged, several, within
+from uvms_gym.cli.output import name_files, write_results
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
@@ -41,7 +31,7 @@ MANY = 1024
 SUBSTEPS, QUICK_SUBSTEPS = (1, 10), (10,)
 DTYPES = ("float64", "float32")
 REPEATS, QUICK_REPEATS = 15, 5
-MOST_INSTANCES, MOST_THREADS, MOST_SUBSTEPS, MOST_REPEATS = 200_000, 1024, 1000, 1000
+MOST_REPEATS = 1000
 
 
 def _whole(text: str) -> int:
@@ -50,23 +40,24 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-_WHOLE: Any = {"parser": _whole, "metavar": "COUNT"}
+def _counts(text: str, default: str, most: int) -> Any:
+    return several(text, default, "COUNT", parser=_whole, callback=within(1, most))
 
 
 def bench(
     scene: Annotated[list[str] | None, several("Scene: name or TOML file", ", ".join(SCENES))] = None,
-    n: Annotated[list[int] | None, several("Number of instances", ", ".join(map(str, INSTANCES)), **_WHOLE)] = None,
-    threads: Annotated[list[int] | None, several("Number of threads", "1, all cores", **_WHOLE)] = None,
+    n: Annotated[list[int] | None, _counts("Number of instances", ", ".join(map(str, INSTANCES)), 200_000)] = None,
+    threads: Annotated[list[int] | None, _counts("Number of threads", "1, all cores", 1024)] = None,
     dtype: Annotated[list[str] | None, several("Precision", ", ".join(DTYPES))] = None,
     instruction_set: Annotated[
         list[str] | None, several("Instruction set, as UVMS_INSTRUCTION_SET names it", "the widest")
     ] = None,
-    substeps: Annotated[list[int] | None, several("Steps per call", ", ".join(map(str, SUBSTEPS)), **_WHOLE)] = None,
+    substeps: Annotated[list[int] | None, _counts("Steps per call", ", ".join(map(str, SUBSTEPS)), 1000)] = None,
     integrator: Annotated[str, Option(help="Integrator.")] = "mk4",
     repeats: Annotated[
-        int | None, Option(help=f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]")
+        int | None, ranged(f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]", 1, MOST_REPEATS)
     ] = None,
-    seed: Annotated[int, Option(help="Seed of starts, thrusts and actions.")] = 0,
+    seed: Annotated[int, ranged("Seed of starts, thrusts and actions.", 0)] = 0,
     quick: Annotated[bool, Option("--quick", help="Fewer cases and rounds.")] = False,
     env: Annotated[bool, Option("--env", help="Time the environments, too, vector and single.")] = False,
     with_peers: Annotated[
@@ -85,13 +76,6 @@ def bench(
     for name in dtype or ():
         if name not in DTYPES:
             raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")
-    counts = {"n": (n, MOST_INSTANCES), "threads": (threads, MOST_THREADS), "substeps": (substeps, MOST_SUBSTEPS)}
-    for option, (values, most) in counts.items():
-        for value in values or ():
-            check_range(f"--{option}", value, 1, most)
-    repeats = (QUICK_REPEATS if quick else REPEATS) if repeats is None else repeats
-    check_range("--repeats", repeats, 1, MOST_REPEATS)
-    check_range("--seed", seed, 0, math.inf)
     arguments: dict[str, Any] = {
         "scene": check_list("scene", scene, SCENES),
         "n": sorted(set(n or (QUICK_INSTANCES if quick else INSTANCES))),
@@ -100,7 +84,7 @@ def bench(
         "instruction_set": list(dict.fromkeys(instruction_set)) if instruction_set else None,
         "substeps": sorted(set(substeps or (QUICK_SUBSTEPS if quick else SUBSTEPS))),
         "integrator": integrator,
-        "repeats": repeats,
+        "repeats": repeats or (QUICK_REPEATS if quick else REPEATS),
         "seed": seed,
         "quick": quick,
         "env": env,
@@ -115,7 +99,6 @@ def bench(
         if sb3:
             timing.require("stable_baselines3", "stable-baselines3", "train")
     prepare(out, json_file, FILES)
-    hold(out)
     begun, load = time.perf_counter(), os.getloadavg()
     results: dict[str, Any] = {}
     with progress():
@@ -163,16 +146,14 @@ def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> lis
     # Instances, threads and substeps of the cases with varied parameters.
     varied_case = (_many(arguments), min(arguments["threads"]), max(arguments["substeps"]))
     for scene in tracked(loaded, "physics"):
+        choices = (arguments[key] for key in ("dtype", "threads", "n", "substeps"))
         settings = [
             physics.Setting(
                 scene, n, threads, dtype, substeps, arguments["integrator"], varied, instruction_set, arguments["seed"]
             )
-            for instruction_set in arguments["instruction_set"] or [None]
-            for dtype in arguments["dtype"]
-            for threads in arguments["threads"]
-            for n in arguments["n"]
-            for substeps in arguments["substeps"]
-            for varied in (False, True)
+            for instruction_set, dtype, threads, n, substeps, varied in itertools.product(
+                arguments["instruction_set"] or [None], *choices, (False, True)
+            )
             if not varied or (n, threads, substeps) == varied_case
         ]
         rows += physics.steps(settings, arguments["repeats"])

@@ -1,68 +1,24 @@
-"""Options, checks, user errors and progress bars of all commands. Checks raise what `fail` makes.
-
-Lists are given by repeating an option (`--scene a --scene b`); commas separate the entries of one vector (`X,Y,Z`).
-"""
+"""Checks, user errors and progress bars of all commands. Checks raise what `fail` makes."""
 
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import gymnasium
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from typer import Argument, Option
 
 import uvms_gym
 from uvms_gym._files import lock
-from uvms_gym.controllers.registry import policies_in
 from uvms_gym.studies.progress import bars
 
 T = TypeVar("T")
-
-
-def several(text: str, default: str = "all", metavar: str = "NAME", **options: Any) -> Any:
-    """Make an option that may be repeated, with its default in the help."""
-    return Option(help=f"{text}; may be repeated. [default: {default}]", metavar=metavar, **options)
-
-
-def _search(folder: Path | None) -> Path | None:
-    """Search a folder of policies until the command ends."""
-    if folder is not None:
-        with user_errors():
-            held.enter_context(policies_in(folder))
-    return folder
-
-
-#: Folder of policies; commands need not look at the value.
-Policies = Annotated[
-    Path | None,
-    Option(
-        metavar="DIR",
-        callback=_search,
-        help="Search policies here, too: training/policies of a checkout has all training seeds. "
-        "[default: the package's, and the checkout's that it is run from]",
-    ),
-]
-#: Names of controllers, in help texts.
-CONTROLLER_HELP = "Controller: FAMILY or FAMILY/SETTING (`uvms controllers` lists them), mlp:FILE, or py:FILE.py:NAME"
-#: Scene as the first argument of a command.
-SceneArgument = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
-#: Options of an environment. `train`, `play`, `compare` and `accuracy` share them; see `environment_arguments`.
-Scene = Annotated[
-    str | None, Option(metavar="SCENE", help="Scene: name or TOML file. [default: the environment's, petasus-pum]")
-]
-EnvKwargs = Annotated[
-    list[str] | None,
-    Option(
-        metavar="KEY:VALUE",
-        help="Argument of the environment, such as substeps:5, scene:FILE.toml or disturbance:storm; may be repeated.",
-    ),
-]
 
 
 class _Console(Console):
@@ -87,6 +43,12 @@ def fail(message: str) -> typer.TyperException:
     return error
 
 
+def need(packages: Mapping[str, str], extra: str) -> None:
+    """Refuse to go on without the packages of an extra, which are given by module."""
+    if missing := sorted(package for module, package in packages.items() if find_spec(module) is None):
+        raise fail(f"{', '.join(missing)} not installed; run: pip install 'uvms-gym[{extra}]'")
+
+
 @contextmanager
 def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> Iterator[None]:
     """Turn errors of library calls into user errors.
@@ -107,36 +69,6 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
         reason = str(error).split(" was raised from the environment creator")[0]
         # Rust appends the number of the system's error.
         raise fail(place + re.sub(r" \(os error \d+\)", "", " ".join(reason.split()))) from None
-
-
-def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
-    """Arguments of an environment, from --env-kwargs and from the options that have a name of their own.
-
-    `pairs` are `KEY:VALUE`, where values other than Python literals are strings; `options` are values of options by the
-    argument that each sets, None or empty where an option is not given.
-    """
-    from uvms_gym.training.hyperparameters import parse_pairs
-
-    with user_errors("--env-kwargs: "):
-        arguments = parse_pairs(pairs or ())
-    for name, value in options.items():
-        if value is None or value == []:
-            continue
-        if name in arguments:
-            raise fail(f"{name} is given twice: by --env-kwargs {name}:{arguments[name]} and by an option of its own")
-        arguments[name] = value
-    if not isinstance(given := arguments.get("scene", []), str | list):
-        raise fail(f"scene is {given!r}, but must be the name of a scene or of a TOML file")
-    return arguments
-
-
-def check_environment(env: str) -> None:
-    """Refuse an id that Gymnasium does not know."""
-    known = ", ".join(name for name in gymnasium.registry if name.startswith("UVMS-"))
-    try:
-        gymnasium.spec(env)
-    except (gymnasium.error.Error, ImportError) as error:
-        raise fail(f"unknown environment {env!r}; known: {known} ({' '.join(str(error).split())})") from None
 
 
 def read_scene(scene: str) -> dict[str, Any]:
@@ -199,8 +131,8 @@ def hold(folder: Path) -> None:
         raise fail(f"{folder} is in use by another run of uvms: wait for its end, or give another folder") from None
 
 
-def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:
-    """Make the folders of a command's results, and check access to them and to the files `names` in `out`."""
+def prepare(out: Path | None, json_file: Path | None, names: Sequence[str] = ()) -> None:
+    """Make the folders of a command's results, and check access to them; with `names` of its files lock `out`."""
     for folder in {folder for folder in (out, json_file and json_file.absolute().parent) if folder is not None}:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -216,3 +148,5 @@ def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ())
             raise fail(f"cannot write {file}: it is a folder")
         if file.exists() and not os.access(file, os.W_OK):
             raise fail(f"cannot write {file}: permission denied")
+    if out is not None and names:
+        hold(out)

@@ -1,6 +1,5 @@
 """`uvms compare`: controllers over the same seeded episodes; `uvms verify`: stored comparisons once more."""
 
-import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,24 +11,10 @@ from typer import Argument, Option
 
 from uvms_gym._files import replacing
 from uvms_gym.cli import compare_report
-from uvms_gym.cli.common import (
-    CONTROLLER_HELP,
-    EnvKwargs,
-    Policies,
-    check_environment,
-    check_list,
-    check_range,
-    environment_arguments,
-    fail,
-    hold,
-    line,
-    prepare,
-    progress,
-    read_scene,
-    several,
-    user_errors,
-)
-from uvms_gym.cli.output import Json, Out, name_files, say, write_results
+from uvms_gym.cli.common import check_list, fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import EnvKwargs, check_environment, environment_arguments
+from uvms_gym.cli.options import CONTROLLER_HELP, Json, Out, Policies, ranged, several
+from uvms_gym.cli.output import name_files, say, write_results
 from uvms_gym.controllers.families import canonical
 from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
@@ -49,9 +34,9 @@ def compare(
     controller: Annotated[list[str] | None, several(CONTROLLER_HELP, "every available controller")] = None,
     policies: Policies = None,
     episodes: Annotated[
-        int, Option(help=f"Episodes of each controller under each condition, 2 to {MAX_EPISODES}.")
+        int, ranged(f"Episodes of each controller under each condition, 2 to {MAX_EPISODES}.", 2, MAX_EPISODES)
     ] = 1024,
-    seed: Annotated[int, Option(help="Episode i has the seed SEED + i.")] = 0,
+    seed: Annotated[int, ranged("Episode i has the seed SEED + i.", 0)] = 0,
     condition: Annotated[list[str] | None, several(f"One of {', '.join(DEPARTURES)}", DESIGN)] = None,
     off_design: Annotated[bool, Option("--off-design", help="All conditions.")] = False,
     frontier: Annotated[
@@ -63,17 +48,15 @@ def compare(
     ] = False,
     disturbance: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME",
-            help="Level of disturbances, such as storm; `uvms disturbances` lists them; may be repeated. "
-            "[default: the environment's]",
-        ),
+        several("Level of disturbances, such as storm; `uvms disturbances` lists them", "the environment's"),
     ] = None,
     current: Annotated[
         float | None,
-        Option(
-            help=f"Maximum speed of the random current without a disturbance, 0 to {MAX_CURRENT:g} m/s. "
-            "[default: the environment's]"
+        ranged(
+            f"Maximum speed of the random current without a disturbance, 0 to {MAX_CURRENT:g} m/s. "
+            "[default: the environment's]",
+            0.0,
+            MAX_CURRENT,
         ),
     ] = None,
     action: Annotated[
@@ -87,10 +70,6 @@ def compare(
     Prints interquartile means with 95 % intervals, and writes pictures, compare.json and scores.npz to --out. A stopped
     run keeps its finished controllers in --out; the same command goes on with the others.
     """
-    check_range("--episodes", episodes, 2, MAX_EPISODES)
-    check_range("--seed", seed, 0, math.inf)
-    if current is not None:
-        check_range("--current", current, 0.0, MAX_CURRENT)
     with user_errors():
         controller = [canonical(name) for name in controller or ()]
     named = {"scene": scene, "disturbance": disturbance, "max_current": current, "action": action}
@@ -121,7 +100,6 @@ def compare(
     pictures = [*(["off-design.png"] if departing else []), *(["frontier.png"] if frontier else [])]
     files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *pictures)
     prepare(out, json_file, files)
-    hold(out)
     with user_errors(verb="write"):
         unfinished = Unfinished(out, given | options, comparisons)
     scores: dict[str, Any] = {}

@@ -1,14 +1,16 @@
 """`uvms controllers`: families of controllers, their settings, gains and stored results."""
 
-from pathlib import Path
 from typing import Annotated
 
 import gymnasium
 from typer import Argument, Option
 
-from uvms_gym.cli.common import Policies, check_environment, fail, line, user_errors
+import uvms_gym
+from uvms_gym.cli.common import fail, line, user_errors
+from uvms_gym.cli.environments import check_environment
+from uvms_gym.cli.options import Policies
 from uvms_gym.cli.output import say, table
-from uvms_gym.controllers.families import CONTROLLERS, FAMILIES, TASKS, canonical, names, split
+from uvms_gym.controllers.families import CONTROLLERS, FAMILIES, TASKS, canonical, is_file, names, split
 from uvms_gym.studies.comparison.catalogue import SETTINGS, TEXTS, gain_texts, places, settings_table, stored
 
 
@@ -22,9 +24,13 @@ def controllers(
 ) -> None:
     """List controllers by family: their settings, what these were tuned or trained for, and stored results."""
     task = _task(env)
+    if name is not None and is_file(name):
+        raise fail(f"NAME is {name!r}, but must be FAMILY or FAMILY/SETTING")
     with user_errors():
         chosen = None if name is None else canonical(name, task=task)
         shown = places(task, scene)
+        if not shown:
+            uvms_gym.load_scene(scene)
         if name is None or chosen is None:
             _print_families(task)
             selected = [*names(task)]
@@ -34,7 +40,9 @@ def controllers(
             selected = [chosen] if "/" in name else [one for one in CONTROLLERS if split(one)[0] == family]
         for place in shown if (name, env) != (None, None) else ():
             if found := stored(selected, place):
-                table(_title(place), SETTINGS, settings_table(found), text_columns=len(TEXTS))
+                task_name, scene_name, period = place.parts
+                title = f"{task_name}, {scene_name}, every {period.removesuffix('s')} s"
+                table(title, SETTINGS, settings_table(found), text_columns=len(TEXTS))
                 for one in found if name is not None else ():
                     if one.gains:
                         line(f"{one.name}: {', '.join(f'{gain}={value}' for gain, value in one.gains.items())}")
@@ -52,11 +60,6 @@ def _task(env: str | None) -> str | None:
     if task is None:
         raise fail(f"{env!r} is no environment of uvms_gym, such as UVMS-StationKeep-Storm-v0")
     return task
-
-
-def _title(place: Path) -> str:
-    task, scene, period = place.parts
-    return f"{task}, {scene}, every {period.removesuffix('s')} s"
 
 
 def _print_families(task: str | None) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import check_known, check_range, line, prepare, read_scene, user_errors
-from uvms_gym.cli.output import Out, say, table
+from uvms_gym.cli.common import check_known, prepare, read_scene, user_errors
+from uvms_gym.cli.options import Out, ranged
+from uvms_gym.cli.output import name_files, say, table
 from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, picture
 
 Profile = dict[str, NDArray[np.float64]]
@@ -37,8 +38,8 @@ def disturbances(
         str | None, Argument(metavar="NAME", help="Level. [default: all, and the shape of each component]")
     ] = None,
     scene: Annotated[str, Option(metavar="SCENE", help="Scene: name or TOML file.")] = "petasus-pum",
-    seed: Annotated[int, Option(help="Seed of the episode.")] = 0,
-    seconds: Annotated[float, Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
+    seed: Annotated[int, ranged("Seed of the episode.", 0, 2**64 - 1)] = 0,
+    seconds: Annotated[float, ranged(f"Duration of the pictures, 1 to {LONGEST:g} s.", 1.0, LONGEST)] = 20.0,
     out: Out = Path("out/disturbances"),
 ) -> None:
     """List the levels of disturbances, and draw them over an episode.
@@ -48,8 +49,6 @@ def disturbances(
     """
     levels = uvms_gym.disturbance_levels()
     check_known("level", [name] if name else [], levels)
-    check_range("--seconds", seconds, 1.0, LONGEST)
-    check_range("--seed", seed, 0, 2**64 - 1)
     description = read_scene(scene)
     chosen = [name] if name is not None else list(levels)
     files = [f"{level}.png" for level in chosen] + ([] if name is not None else ["shapes.png"])
@@ -68,7 +67,7 @@ def disturbances(
             "Levels with -hard are for evaluation: stronger, with shapes that the others lack. Noise, delay, the "
             "arm's motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` documents all."
         )
-    line(f"{out}: {', '.join(files)}")
+    name_files(out, files)
 
 
 def disturbance_profile(scene: Any, disturbance: Any, seed: int, seconds: float) -> Profile:

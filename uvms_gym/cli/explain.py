@@ -5,10 +5,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from typer import Option
 
-from uvms_gym.cli.common import SceneArgument, check_range, console, prepare, progress, read_scene, user_errors
-from uvms_gym.cli.output import Json, say, table, write_json
+from uvms_gym.cli.common import console, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.options import Json, SceneArgument, ranged
+from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.studies.accuracy.driven_motion import CURRENT
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.terms import ablation
@@ -24,8 +24,8 @@ SMALL = (1e-3, 1e-3, 1e-3)
 
 def explain(
     scene: SceneArgument,
-    episodes: Annotated[int, Option(help=f"Motions of the ensemble, 1 to {MOST_EPISODES}.")] = 64,
-    seed: Annotated[int, Option(help="Seed of the ensemble.")] = 0,
+    episodes: Annotated[int, ranged(f"Motions of the ensemble, 1 to {MOST_EPISODES}.", 1, MOST_EPISODES)] = 64,
+    seed: Annotated[int, ranged("Seed of the ensemble.", 0)] = 0,
     json_file: Json = None,
 ) -> None:
     """Measure the cost of each modelled term per step, and the error without it.
@@ -33,8 +33,6 @@ def explain(
     Takes about ten seconds on this machine: terms are removed from the scene one at a time.
     """
     loaded = read_scene(scene)
-    check_range("--episodes", episodes, 1, MOST_EPISODES)
-    check_range("--seed", seed, 0, math.inf)
     prepare(None, json_file)
     with progress(), user_errors(f"{scene}: "):
         found = ablation.ablate(loaded, episodes, seed)

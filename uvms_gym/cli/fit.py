@@ -9,20 +9,11 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym._files import read_text, write
-from uvms_gym.cli.common import (
-    SceneArgument,
-    check_list,
-    check_range,
-    fail,
-    line,
-    prepare,
-    progress,
-    several,
-    user_errors,
-)
+from uvms_gym.cli.common import check_list, fail, line, prepare, progress, user_errors
 from uvms_gym.cli.logs import Logs, Map, Period, print_errors, read_logs
+from uvms_gym.cli.options import SceneArgument, several
 from uvms_gym.cli.output import say, table, write_json
-from uvms_gym.identification import Fit, files, toml
+from uvms_gym.identification import Fit, files
 from uvms_gym.identification import fit as run
 from uvms_gym.identification.least_squares import ITERATIONS
 from uvms_gym.identification.recordings import CHANNELS, PERIOD
@@ -70,7 +61,6 @@ def fit(
     held out; writes the fitted scene, whose provenance holds the intervals. Ctrl-C, or SIGTERM, ends at the best values
     so far.
     """
-    check_range("--period", period, 0.01, 1.0)
     free, hold_out = check_list("--free", free, []), check_list("--hold-out", hold_out, [])
     channels = check_list("--channel", channel, []) or None
     priors = dict(_prior(text) for text in check_list("--prior", prior, []))
@@ -80,7 +70,7 @@ def fit(
     for file in written:
         if file.exists() and not force:
             raise fail(f"{file} exists: give another --out, or --force to overwrite it")
-    prepare(out.absolute().parent, None, [file.name for file in written])
+        prepare(None, file)
     read = read_logs(scene, logs, map_file)
     data = tomllib.loads(read_text(map_file))
     with progress() as bar:
@@ -154,8 +144,8 @@ def _write(
     fitted = files.fitted_scene(found, source, name)
     texts = (
         heading + uvms_gym.dump_scene(fitted),
-        heading + toml.dumps(files.fitted_map(found, data)),
-        heading + "# 95 % intervals, for randomize= of environments.\n" + toml.dumps(files.ranges(fitted)),
+        heading + files.to_toml(files.fitted_map(found, data)),
+        heading + "# 95 % intervals, for randomize= of environments.\n" + files.to_toml(files.ranges(fitted)),
     )
     write_json(written[3], {"circumstances": about, **files.as_data(found)})
     with user_errors(verb="write"):

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from uvms_gym.cli.common import hold, prepare, progress, several, user_errors
-from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
+from uvms_gym.cli.common import prepare, progress, user_errors
+from uvms_gym.cli.options import Json, Out, several
+from uvms_gym.cli.output import name_files, say, table, write_results
 from uvms_gym.studies.hard_cases.case import (
     BOUND,
     BOUND_FLOAT32,
@@ -39,7 +40,6 @@ def hard_cases(
     with user_errors():
         cases = select(case or ())
     prepare(out, json_file, FILES)
-    hold(out)
     with progress():
         runs = run_all(cases)
     data = {"circumstances": circumstances("hard-cases", {"case": case or []}), "results": as_data(cases, runs)}

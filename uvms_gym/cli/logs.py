@@ -8,6 +8,7 @@ from typer import Argument, Option
 
 from uvms_gym import Log
 from uvms_gym.cli.common import user_errors
+from uvms_gym.cli.options import ranged
 from uvms_gym.cli.output import table
 from uvms_gym.identification import Table
 from uvms_gym.identification.recordings import CHANNELS
@@ -15,7 +16,7 @@ from uvms_gym.identification.validation import select
 
 Logs = Annotated[Path, Argument(metavar="LOGS", help="Directory of the logs, or a bag.")]
 Map = Annotated[Path, Option("--map", metavar="FILE", help="Map of the logs' channels (docs/logs.md).")]
-Period = Annotated[float, Option(help="Interval between compared samples, s.")]
+Period = Annotated[float, ranged("Interval between compared samples, s.", 0.01, 1.0)]
 
 
 def read_logs(scene: str, path: Path, map_file: Path, trials: Sequence[str] = ()) -> list[Log]:

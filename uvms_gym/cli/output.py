@@ -3,19 +3,14 @@
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
-from typer import Option
 
 from uvms_gym.cli.common import console, line, user_errors
 from uvms_gym.studies import records
-
-Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
-Json = Annotated[Path | None, Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
-
 
 #: Blanks between columns, share of a line for the first columns beside numbers, and the longest unbroken cell.
 _GAP, _SHARE, _CELL = 2, 0.5, 40

@@ -9,9 +9,6 @@ from uvms_gym.cli.common import check_range, fail
 SIZE, GIF_SIZE = "960x720", "640x480"
 RATE, GIF_RATE = 30.0, 20.0
 MIN_SIZE, MOST_SIZE, MOST_RATE = "160x120", "3840x2160", 60.0
-#: Azimuth and elevation, degrees, and distance, m.
-_CAMERA = (("azimuth", 360.0, 1.0), ("elevation", 85.0, 1.0))
-_MOST_DISTANCE = 1000.0
 
 
 class Settings(NamedTuple):
@@ -48,8 +45,7 @@ def _size(text: str) -> tuple[int, int]:
         width, height = map(int, text.split("x"))
     except ValueError:
         raise fail(f"--size is {text!r}, but must be WIDTHxHEIGHT, such as {SIZE}") from None
-    fits = all(low <= x <= high for low, x, high in zip(minimum, (width, height), most, strict=True))
-    if not fits or width % 2 or height % 2:
+    if not (minimum[0] <= width <= most[0] and minimum[1] <= height <= most[1]) or width % 2 or height % 2:
         raise fail(f"--size is {text!r}, but must be even numbers, {MIN_SIZE} to {MOST_SIZE}")
     return width, height
 
@@ -65,5 +61,5 @@ def _camera(text: str | None) -> dict[str, Any]:
     check_range("azimuth of --camera", azimuth, -360.0, 360.0)
     check_range("elevation of --camera", elevation, -85.0, 85.0)
     if distance is not None:
-        check_range("distance of --camera", distance, 0.1, _MOST_DISTANCE)
+        check_range("distance of --camera", distance, 0.1, 1000.0)
     return {"azimuth": math.radians(azimuth), "elevation": math.radians(elevation), "distance": distance}

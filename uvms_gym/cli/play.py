@@ -1,32 +1,18 @@
 """`uvms play`: an episode under a controller, in a window, a browser, a video or a plot."""
 
 import contextlib
-import math
 from collections import deque
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium
 from typer import Option
 
-from uvms_gym.cli.common import (
-    CONTROLLER_HELP,
-    EnvKwargs,
-    Policies,
-    Scene,
-    check_environment,
-    check_range,
-    environment_arguments,
-    fail,
-    line,
-    prepare,
-    progress,
-    read_scene,
-    user_errors,
-)
+from uvms_gym.cli.common import fail, line, need, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import EnvKwargs, Scene, check_environment, environment_arguments
 from uvms_gym.cli.episode_plot import Instant, plot_episode
+from uvms_gym.cli.options import CONTROLLER_HELP, Policies, ranged
 from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
 from uvms_gym.controllers.families import BASELINE, canonical
 from uvms_gym.studies.comparison.own import make_controller
@@ -56,14 +42,14 @@ def play(
     disturbance: Annotated[
         str | None, Option(metavar="NAME", help="Level of disturbances. [default: the environment's]")
     ] = None,
-    seconds: Annotated[float, Option(help=f"Duration, up to {MOST_SECONDS:g} s.")] = 20.0,
-    seed: Annotated[int, Option(help="Seed of the episode.")] = 0,
+    seconds: Annotated[float, ranged(f"Duration, up to {MOST_SECONDS:g} s.", 0.0, MOST_SECONDS)] = 20.0,
+    seed: Annotated[int, ranged("Seed of the episode.", 0)] = 0,
     out: Annotated[
         Path | None, Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture only (.png).")
     ] = None,
     window: Annotated[bool, Option("--window", help="Show the episode in a window.")] = False,
     web: Annotated[bool, Option("--web", help="Show the episode in a browser of this machine, with controls.")] = False,
-    port: Annotated[int, Option(help="Port of --web, at 127.0.0.1.")] = 8080,
+    port: Annotated[int, ranged("Port of --web, at 127.0.0.1.", 1, 65535)] = 8080,
     size: Annotated[
         str | None,
         Option(
@@ -96,8 +82,6 @@ def play(
 
     Without --out, --plot and --window it is shown in a browser. Folders of files are made.
     """
-    check_range("--seconds", seconds, 0.0, MOST_SECONDS)
-    check_range("--seed", seed, 0, math.inf)
     # The browser view needs no further options.
     web = web or not (window or any(given is not None for given in (out, size, fps, camera, plot)))
     env = env or (STORM if web else DEFAULT)
@@ -108,8 +92,7 @@ def play(
     if web:
         if window or any(given is not None for given in (out, size, fps, camera, plot)):
             raise fail("--web goes without --out, --window, --size, --fps, --camera and --plot")
-        check_range("--port", port, 1, 65535)
-        _need("viser")
+        need({"viser": "viser"}, "view")
         _serve(_make(env, arguments, seconds), controller, seed, port)
         return
     if out is not None and window:
@@ -123,8 +106,8 @@ def play(
     if not drawn and (size, fps, camera) != (None, None, None):
         raise fail("--size, --fps and --camera go with --out or --window")
     settings = read_settings(size, fps, camera, suffix)
-    pictures = ["PIL"] if drawn else []
-    _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
+    needed = {"PIL": drawn, "imageio_ffmpeg": suffix == ".mp4", "pygame": window}
+    need({module: NEEDS[module] for module, wanted in needed.items() if wanted}, "view")
     made = _make(env, arguments, seconds)
     inner: Any = made.unwrapped
     with user_errors():
@@ -180,7 +163,6 @@ def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, peri
 
 
 def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame, out: Path | None) -> None:
-    """Show the pictures of an episode in a window, or write them to a file."""
     from uvms_gym.cli.film import film, write_film
     from uvms_gym.envs.window import Window
 
@@ -215,13 +197,6 @@ def _serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port
         line("ended")
     finally:
         viewer.close()
-
-
-def _need(*modules: str) -> None:
-    """Refuse to run without optional modules."""
-    missing = sorted(NEEDS[module] for module in modules if find_spec(module) is None)
-    if missing:
-        raise fail(f"{', '.join(missing)} not installed; run: pip install 'uvms-gym[view]'")
 
 
 def _make(env: str, arguments: dict[str, Any], seconds: float) -> gymnasium.Env[Any, Any]:

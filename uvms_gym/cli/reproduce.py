@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from uvms_gym.cli.common import hold, prepare, progress, user_errors
-from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
+from uvms_gym.cli.common import prepare, progress, user_errors
+from uvms_gym.cli.options import Json, Out
+from uvms_gym.cli.output import name_files, say, table, write_results
 from uvms_gym.studies.paper import arm_motion, free_body, momentum, plots
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.records import circumstances
@@ -23,7 +24,6 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     """
     files = ("reproduce.json", *PICTURES)
     prepare(out, json_file, files)
-    hold(out)
     about_free_body = (free_body.table_1, free_body.gamma_sweep, free_body.figure_2, free_body.tumbling)
     studies = (*about_free_body, momentum.momentum, arm_motion.arm_motion)
     with progress():

@@ -9,7 +9,8 @@ from typer import Argument, Option
 import uvms_gym
 from uvms_gym._files import write
 from uvms_gym.cli.common import console, fail, prepare, user_errors
-from uvms_gym.cli.output import Json, write_json
+from uvms_gym.cli.options import Json
+from uvms_gym.cli.output import write_json
 from uvms_gym.robots import import_with_notes
 
 File = Annotated[

@@ -7,20 +7,21 @@ import typer
 from typer import Option
 
 import uvms_gym
-from uvms_gym.cli.common import SceneArgument, check_range, console, fail, prepare, read_scene
-from uvms_gym.cli.output import Json, say, table, write_json
+from uvms_gym.cli.common import console, fail, prepare, read_scene
+from uvms_gym.cli.options import Json, SceneArgument, ranged
+from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.studies.numerics import bodies, buoyancy_of
 
 Speed = Annotated[
     float | None,
-    Option(
+    ranged(
+        "Expected speed of the vehicle along each axis, m/s and rad/s. [default: where full thrust balances drag]",
+        0.0,
+        1000.0,
         metavar="SPEED",
-        help="Expected speed of the vehicle along each axis, m/s and rad/s. [default: where full thrust balances drag]",
     ),
 ]
 
-#: Maximum expected speed, m/s and rad/s.
-MOST_SPEED = 1000.0
 #: Number of modes in tables.
 SHOWN = 8
 #: Default integrator and step of the environments, s.
@@ -81,8 +82,6 @@ def check(
 
     A fault is one line with file, key and value, and exit status 2.
     """
-    if speed is not None:
-        check_range("--speed", speed, 0.0, MOST_SPEED)
     loaded = read_scene(scene)
     prepare(None, json_file)
     try:
@@ -94,8 +93,9 @@ def check(
     steps = simulator.stable_steps(speed)
     maximum = steps[DEFAULT[0]]
     if maximum < DEFAULT[1]:
+        fastest = [mode["what"] for mode in simulator.modes(speed) if not mode["end_stop"]]
         what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the maximum stable one is {maximum:.2g} s"
-        found.append(f"{_fastest(simulator, speed)}: {what}")
+        found.append(f"{fastest[0] if fastest else 'end stops'}: {what}")
     step = next((step for step in STEPS if 1.5 * step <= maximum), None)
     console.print(f"{loaded['name']}: no fault found", markup=False)
     for warning in found:
@@ -107,14 +107,8 @@ def check(
     modes, steps_shown = _show_rates(simulator, speed)
     if json_file is not None:
         data = [{**mode, "rate": [mode["rate"].real, mode["rate"].imag]} for mode in modes]
-        summary = {
-            "scene": loaded["name"],
-            "speed": speed,
-            "warnings": found,
-            "summary": balance,
-            "recommended_step": step,
-        }
-        write_json(json_file, {**summary, "modes": data, "stable_steps": steps_shown})
+        summary = {"scene": loaded["name"], "speed": speed, "warnings": found, "summary": balance}
+        write_json(json_file, {**summary, "recommended_step": step, "modes": data, "stable_steps": steps_shown})
     if strict and found:
         raise typer.Exit(1)
 
@@ -125,9 +119,8 @@ def _freedom(simulator: uvms_gym.Simulator) -> int:
 
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     scene = simulator.scene
-    gravity = math.hypot(*scene["water"]["gravity"])
     mass = sum(body["mass"] for body in bodies(scene))
-    weight = mass * gravity
+    weight = mass * math.hypot(*scene["water"]["gravity"])
     buoyancy = sum(buoyancy_of(body, scene["water"]) for body in bodies(scene))
     return {
         "degrees of freedom": _freedom(simulator),
@@ -138,11 +131,6 @@ def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
         "buoyancy, N": buoyancy,
         "net weight in water, N": weight - buoyancy,
     }
-
-
-def _fastest(simulator: uvms_gym.Simulator, speed: float | None) -> str:
-    modes = [mode for mode in simulator.modes(speed) if not mode["end_stop"]]
-    return modes[0]["what"] if modes else "end stops"
 
 
 def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[list[Any], dict[str, dict[str, float]]]:
@@ -157,12 +145,12 @@ def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[lis
         table(
             "Fastest modes, servos on",
             ("mode", "state", "rate 1/s", "period s"),
-            [(m["what"], m["where"], _rate(m["rate"]), _period(m["period"])) for m in modes[:SHOWN]],
+            [(m["what"], m["where"], _rate(m["rate"]), _finite(m["period"], "")) for m in modes[:SHOWN]],
             text_columns=2,
         )
         if any(mode["rate"].real > 0.0 for mode in modes[:SHOWN]):
             say("A positive rate is unstable: the motion grows without control, as by the Munk moment in a flow.")
-    rows = [(name, *(_step(step[name]) for step in steps.values())) for name in steps["servos off"]]
+    rows = [(name, *(_finite(step[name], "any") for step in steps.values())) for name in steps["servos off"]]
     table("Maximum stable step, s", ("integrator", *choices), rows)
     return modes, steps
 
@@ -171,9 +159,5 @@ def _rate(rate: complex) -> str:
     return f"{rate.real:.3g}" + (f" ± {rate.imag:.3g}i" if rate.imag else "")
 
 
-def _period(period: float) -> str:
-    return f"{period:.3g}" if math.isfinite(period) else ""
-
-
-def _step(step: float) -> str:
-    return f"{step:.3g}" if math.isfinite(step) else "any"
+def _finite(seconds: float, otherwise: str) -> str:
+    return f"{seconds:.3g}" if math.isfinite(seconds) else otherwise

@@ -1,27 +1,19 @@
 """`uvms train`: policies from teachers, by proximal policy optimisation and by gradients of the simulator."""
 
+import contextlib
+import itertools
 import math
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
 from uvms_gym._files import write
-from uvms_gym.cli.common import (
-    EnvKwargs,
-    check_environment,
-    check_range,
-    environment_arguments,
-    fail,
-    hold,
-    line,
-    prepare,
-    progress,
-    user_errors,
-)
+from uvms_gym.cli.common import fail, hold, line, need, prepare, progress, user_errors
+from uvms_gym.cli.environments import EnvKwargs, check_environment, environment_arguments
+from uvms_gym.cli.options import ranged
 from uvms_gym.studies.records import circumstances
 
 if TYPE_CHECKING:
@@ -31,8 +23,6 @@ if TYPE_CHECKING:
 NEEDS = {"stable_baselines3": "stable-baselines3", "yaml": "pyyaml", "tensorboard": "tensorboard"}
 #: Default number of evaluations and of checkpoints in a run.
 PARTS = 10
-#: Most episodes of an evaluation, and most threads.
-MOST_EPISODES, MOST_THREADS = 100_000, 1024
 
 
 def train(
@@ -47,15 +37,15 @@ def train(
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
-        Option("-n", "--n-timesteps", help="Steps of all instances together. [default: from the YAML file]"),
+        ranged("Steps of all instances together. [default: from the YAML file]", 1, 1e15, "-n", "--n-timesteps"),
     ] = None,
     n_envs: Annotated[int | None, Option(help="Instances. [default: from the YAML file]")] = None,
-    seed: Annotated[int | None, Option(help="Training seed. [default: 0]")] = None,
+    seed: Annotated[int | None, ranged("Training seed. [default: 0]", 0, 2**31 - 1)] = None,
     base: Annotated[
         str | None, Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
     ] = None,
     residual: Annotated[
-        float | None, Option(metavar="LIMIT", help="Maximum correction with --base, 0 to 1. [default: 0.3]")
+        float | None, ranged("Maximum correction with --base, 0 to 1. [default: 0.3]", 0.0, 1.0, metavar="LIMIT")
     ] = None,
     teacher: Annotated[
         str | None,
@@ -80,7 +70,9 @@ def train(
     eval_freq: Annotated[
         int | None, Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
     ] = None,
-    eval_episodes: Annotated[int | None, Option(help="Held-out episodes of an evaluation. [default: 512]")] = None,
+    eval_episodes: Annotated[
+        int | None, ranged("Held-out episodes of an evaluation. [default: 512]", 2, 100_000)
+    ] = None,
     save_freq: Annotated[
         int | None, Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]")
     ] = None,
@@ -107,12 +99,12 @@ def train(
         ),
     ] = None,
     num_threads: Annotated[
-        int | None, Option(help="Threads of torch and of the environment; -1: all. [default: 1]")
+        int | None, ranged("Threads of torch and of the environment; -1: all. [default: 1]", -1, 1024)
     ] = None,
     device: Annotated[str | None, Option(help="Device of torch. [default: cpu]")] = None,
     show_progress: Annotated[bool, Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")] = True,
     verbose: Annotated[
-        int, Option(help="0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.")
+        int, ranged("0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.", 0, 2)
     ] = 1,
 ) -> int:
     """Train a policy, evaluate it on held-out episodes, and export it.
@@ -120,20 +112,9 @@ def train(
     Ctrl-C, or SIGTERM, stops it after the current iteration with everything saved, and exit status 130; a second one
     ends it at once. -i resumes the run, also after a kill, with bit-identical weights at the end.
     """
-    missing = [package for module, package in NEEDS.items() if find_spec(module) is None]
-    if missing:
-        raise fail(f"{', '.join(missing)} not installed; run: pip install 'uvms-gym[train]'")
-    check_range("--verbose", verbose, 0, 2)
+    need(NEEDS, "train")
     if export is not None and export.suffix != ".safetensors":
         raise fail(f"--export is {str(export)!r}, but must end in .safetensors")
-    ranges = {
-        "--n-timesteps": (n_timesteps, 1, 1e15),
-        "--eval-episodes": (eval_episodes, 2, MOST_EPISODES),
-        "--num-threads": (num_threads, -1, MOST_THREADS),
-    }
-    for option, (number, minimum, most) in ranges.items():
-        if number is not None:
-            check_range(option, number, minimum, most)
     if num_threads == 0:
         raise fail("--num-threads is 0, but must be at least 1, or -1 for all")
     if trained_agent is not None:
@@ -152,11 +133,8 @@ def train(
             raise fail(f"{wrong} cannot be given with --trained-agent, which has its own settings")
         settings, folder, agent = _resumed(trained_agent)
     else:
-        check_range("--seed", seed or 0, 0, 2**31 - 1)
-        if residual is not None:
-            check_range("--residual", residual, 0.0, 1.0)
-            if base is None:
-                raise fail("--residual is for --base")
+        if residual is not None and base is None:
+            raise fail("--residual is for --base")
         for option, value, owners in (
             ("--base", base, ("ppo",)),
             ("--device", device, ("ppo",)),
@@ -177,10 +155,6 @@ def train(
         if n_envs is not None:
             found["n_envs"] = n_envs
         settings = Settings(env, found, arguments, seed or 0, base, algo=algo, teacher=teacher)
-        if start is not None:
-            settings = replace(settings, start=str(start.resolve()))
-        if residual is not None:
-            settings = replace(settings, limit=residual)
         folder, agent = log_folder, None
     if n_timesteps is not None:
         settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": n_timesteps})
@@ -188,6 +162,8 @@ def train(
         # Evaluations and checkpoints in every tenth of a new run.
         tenth = max(1, math.ceil(settings.steps / PARTS))
     given: dict[str, Any] = {
+        "start": start and str(start.resolve()),
+        "limit": residual,
         "eval_freq": tenth if eval_freq is None and settings.eval_freq == 0 else eval_freq,
         "save_freq": tenth if save_freq is None and settings.save_freq == 0 else save_freq,
         "eval_episodes": eval_episodes,
@@ -230,10 +206,11 @@ def _run(
         bar.disable = bar.disable or not show_progress
         task = bar.add_task("training", total=settings.steps)
 
-        def tell(found: dict[str, Any]) -> None:
+        def report(found: dict[str, Any]) -> None:
             bar.update(task, completed=found["steps"])
             if verbose:
-                bar.console.print(_line(found), markup=False, soft_wrap=True, highlight=False)
+                text = f"{found['steps']:>9d} steps {found['seconds']:6.1f} s  {_scores(found)}"
+                bar.console.print(text, markup=False, soft_wrap=True, highlight=False)
 
         with user_errors(f"{settings.env}: ", "read or write", AssertionError, RuntimeError):
             if not new and verbose:
@@ -251,7 +228,7 @@ def _run(
                 verbose=int(verbose > 1),
                 origin=origin,
                 tick=partial(bar.advance, task),
-                report=tell,
+                report=report,
             )
     rate = outcome.steps / outcome.seconds
     # Algorithms end with a whole iteration.
@@ -298,18 +275,11 @@ def _resumed(agent: Path) -> tuple["Settings", Path, Path | None]:
 def _new_folder(logs: Path, settings: "Settings") -> Path:
     """Make the folder of a run, with the first free number."""
     name = settings.algo if settings.base is None else f"{settings.algo}-{settings.base.replace('/', '-')}"
-    number = 1
-    while True:
-        folder = logs / name / f"{settings.env}_{number}"
-        try:
-            folder.mkdir(parents=True)
-            return folder
-        except FileExistsError:
-            number += 1
-
-
-def _line(found: dict[str, Any]) -> str:
-    return f"{found['steps']:>9d} steps {found['seconds']:6.1f} s  {_scores(found)}"
+    for number in itertools.count(1):
+        with contextlib.suppress(FileExistsError):
+            (folder := logs / name / f"{settings.env}_{number}").mkdir(parents=True)
+            break
+    return folder
 
 
 def _scores(found: dict[str, Any]) -> str:

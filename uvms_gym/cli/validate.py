@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal
 
 from typer import Option
 
-from uvms_gym.cli.common import SceneArgument, check_list, check_range, hold, prepare, several, user_errors
+from uvms_gym.cli.common import check_list, prepare, user_errors
 from uvms_gym.cli.logs import Logs, Map, Period, print_errors, read_logs
-from uvms_gym.cli.output import Json, Out, name_files, say, write_results
+from uvms_gym.cli.options import Json, Out, SceneArgument, several
+from uvms_gym.cli.output import name_files, say, write_results
 from uvms_gym.identification import validate as run
 from uvms_gym.identification.recordings import PERIOD
 from uvms_gym.studies.identification.plots import plot_replays
@@ -34,10 +35,8 @@ def validate(
     Prints RMS errors, also of a constant predictor and of static balance, and writes validate.json and
     replays.png to --out.
     """
-    check_range("--period", period, 0.01, 1.0)
     read = read_logs(scene, logs, map_file, check_list("--trial", trial, []))
     prepare(out, json_file, FILES)
-    hold(out)
     with user_errors():
         found = run(scene, read, joints=joints, thrusters=thrusters, period=period)
     arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or []}

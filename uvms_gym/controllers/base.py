@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Iterator
 from functools import partial
 from typing import Any, ClassVar
 
@@ -121,13 +120,13 @@ class ClassicalController(Controller):
 
     #: Name of the native controller.
     kind: ClassVar[str]
-    #: Task without an environment, and all tasks; empty: only that one.
-    _task: ClassVar[str] = "station-keep"
-    _tasks: ClassVar[tuple[str, ...]] = ()
+    #: Tasks; without an environment the first one.
+    tasks: ClassVar[tuple[str, ...]] = ("station-keep",)
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
         if "kind" in vars(cls):
+            _KINDS.append(cls)
             cls._names = _core.gain_names(cls.kind)
             keyword = inspect.Parameter.KEYWORD_ONLY
             cls.__signature__ = inspect.Signature(
@@ -147,7 +146,7 @@ class ClassicalController(Controller):
         if unknown := arguments.keys() - option_names():
             raise TypeError(f"{name}: unexpected argument {min(unknown)!r}; gains: {', '.join(self._names) or 'none'}")
         if env is None:
-            arguments = {"task": self._task, **arguments}
+            arguments = {"task": self.tasks[0], **arguments}
         # The disturbance tells the sensors' delay, which is a gain from here on.
         options = options_of(name, env, arguments, "disturbance")
         self._check_task(options.get("task", "station-keep"))
@@ -158,13 +157,11 @@ class ClassicalController(Controller):
     def _check_task(cls, task: str) -> None:
         """Refuse a task that the controller is not for, and name the controllers that are."""
         known = dict(_core.tasks())
-        own = cls._tasks or (cls._task,)
-        if task in known and task not in own:
-            others = [kind for kind in _below(ClassicalController) if "kind" in vars(kind)]
-            fit = [kind.__name__ for kind in others if task in (kind._tasks or (kind._task,))]
+        if task in known and task not in cls.tasks:
+            others = [kind.__name__ for kind in _KINDS if task in kind.tasks]
             raise ValueError(
-                f"{cls.__name__} is for {' and '.join(known[one] for one in own)}, not for {known[task]}; "
-                f"controllers of {known[task]}: {', '.join(fit)}"
+                f"{cls.__name__} is for {' and '.join(known[one] for one in cls.tasks)}, not for {known[task]}; "
+                f"controllers of {known[task]}: {', '.join(others)}"
             )
 
     @property
@@ -185,11 +182,8 @@ class ClassicalController(Controller):
         return partial(type(self), **self.gains, **self._options), ()
 
 
-def _below(kind: type[ClassicalController]) -> Iterator[type[ClassicalController]]:
-    """All classes below one."""
-    for one in kind.__subclasses__():
-        yield one
-        yield from _below(one)
+#: All classes of classical controllers.
+_KINDS: list[type[ClassicalController]] = []
 
 
 def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:

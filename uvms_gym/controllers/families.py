@@ -36,7 +36,7 @@ LEVELS = {
     "quick": "a small error at a limited effort",
     "free": "the smallest error, at any effort",
 }
-_STATION, _TRACK, _DOCK = (("station-keep",), ("ee-track",), ("dock",))
+_STATION, _TRACK = ("station-keep",), ("ee-track",)
 _ALL = tuple(TASKS)
 
 
@@ -96,6 +96,10 @@ class Family(NamedTuple):
     settings: Mapping[str, Setting] = {"default": Setting("tuned for the smallest error")}
 
 
+def _classical(about: str, use: str, kind: type[ClassicalController], *more: Any, **settings: Any) -> Family:
+    return Family(about, use, kind.tasks, kind, *more, **settings)
+
+
 def _levels(limits: Mapping[str, Limits], rivals: tuple[str, ...], **gains: Any) -> dict[str, Setting]:
     """Settings along the frontier, in the order of `limits`."""
     return {
@@ -118,25 +122,21 @@ def _observer(still: float, calm: float, medium: float, rivals: tuple[str, ...],
 _PRICES = dict.fromkeys(LEVELS, Limits())
 _WIDE = Setting("trained on vehicles with poorly known parameters, thrust and sensor delay")
 FAMILIES: dict[str, Family] = {
-    "none": Family(
-        "Zero action.", "To see what a disturbance does.", _ALL, NoControl, settings={"default": Setting("no gains")}
+    "none": _classical(
+        "Zero action.", "To see what a disturbance does.", NoControl, settings={"default": Setting("no gains")}
     ),
-    "pd": Family(
+    "pd": _classical(
         "PD on the vehicle's pose error and velocity.",
         "As the reference of station keeping: the paper's controller, without a model.",
-        _STATION,
         PD,
     ),
-    "pd-restoring": Family(
-        "PD that cancels weight and buoyancy.", "For vehicles that are not neutrally buoyant.", _STATION, PDRestoring
+    "pd-restoring": _classical(
+        "PD that cancels weight and buoyancy.", "For vehicles that are not neutrally buoyant.", PDRestoring
     ),
-    "pid": Family(
-        "PD with an integral of the pose error.", "Against steady disturbances, without a model.", _STATION, PID
-    ),
-    "dob": Family(
+    "pid": _classical("PD with an integral of the pose error.", "Against steady disturbances, without a model.", PID),
+    "dob": _classical(
         "PD with a disturbance observer; the scene's model predicts the state over the sensor delay.",
         "First classical choice for station keeping.",
-        _STATION,
         DOB,
         "quick",
         {
@@ -144,64 +144,55 @@ FAMILIES: dict[str, Family] = {
             **_observer(0.6, 1.2, 2.4, ("calm", "quick"), delay=None),
         },
     ),
-    "dob-adaptive": Family(
+    "dob-adaptive": _classical(
         "Observers for several models of delay and thrust, weighted by the likelihood of their predictions.",
         "Where sensor delay or thrust are unknown.",
-        _STATION,
         AdaptiveDOB,
     ),
-    "computed-torque": Family(
+    "computed-torque": _classical(
         "Inverse dynamics of vehicle and arm, with the observer of `dob`.",
         "Where the arm moves fast and the model is good.",
-        _STATION,
         ComputedTorque,
     ),
-    "mpc": Family(
+    "mpc": _classical(
         "Linear model-predictive control within the thrusters' limits, with the observer of `dob`.",
         "Where thrusters saturate.",
-        _STATION,
         MPC,
         "quick",
         _levels({"quick": Limits(variation=4.8), "free": Limits(None)}, ("quick",)),
     ),
-    "nmpc": Family(
+    "nmpc": _classical(
         "Nonlinear model-predictive control by real-time iterations, with the observer of `dob`.",
         "For large motions; takes up to a millisecond per control period.",
-        (*_STATION, *_TRACK),
         NMPC,
         settings={"default": Setting("tuned for the smallest error", limits=Limits(variation=4.8))},
     ),
-    "resolved": Family(
+    "resolved": _classical(
         "Inverse dynamics that distributes the end effector's motion between vehicle and arm.",
         "As the reference of end-effector tracking.",
-        _TRACK,
         ResolvedMotion,
     ),
-    "resolved-pid": Family(
+    "resolved-pid": _classical(
         "Resolved motion with an integral of the end effector's error.",
         "Against steady disturbances, without an observer.",
-        _TRACK,
         ResolvedMotion,
         settings={"default": Setting("tuned for the smallest error", gains={"integral_gain": 0.5})},
     ),
-    "resolved-dob": Family(
+    "resolved-dob": _classical(
         "Resolved motion with a disturbance observer; the scene's model predicts the state over the sensor delay.",
         "First classical choice for end-effector tracking.",
-        _TRACK,
         ResolvedMotion,
         "quick",
         _observer(1.0, 1.5, 2.2, ("quick",), observer_bandwidth=(4.0, 4.0, 8.0), delay=None),
     ),
-    "resolved-adaptive": Family(
+    "resolved-adaptive": _classical(
         "Resolved motion for several models of delay and thrust, weighted by the likelihood of their predictions.",
         "Where sensor delay or thrust are unknown.",
-        _TRACK,
         AdaptiveResolvedMotion,
     ),
-    "dock-pd": Family(
+    "dock-pd": _classical(
         "PD with a limited approach speed.",
         "As the reference of docking.",
-        _DOCK,
         DockPD,
         settings={"default": Setting("gains of the scene")},
     ),
@@ -337,6 +328,8 @@ def canonical(name: str, setting: str | None = None, task: str | None = None) ->
     """
     if setting is not None and (is_file(name) or "/" in name):
         raise ValueError(f"controller {name!r} allows no further setting, but setting is {setting!r}")
+    if name in (MLP_PREFIX, CODE_PREFIX):
+        raise ValueError(f"controller {name!r} names no file, but must be mlp:FILE or py:FILE.py:NAME")
     if is_file(name):
         return name
     given = name if setting is None else f"{name}/{setting}"
@@ -358,5 +351,4 @@ def canonical(name: str, setting: str | None = None, task: str | None = None) ->
 
 
 def _families(task: str | None) -> list[str]:
-    """Families with a controller of a task."""
     return list(dict.fromkeys(name.partition("/")[0] for name in names(task)))

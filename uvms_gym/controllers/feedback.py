@@ -1,6 +1,6 @@
 """Classical feedback: PD, PID, PD with restoring compensation, PD for docking, and zero action."""
 
-from uvms_gym._core import tasks
+from uvms_gym import _core
 from uvms_gym.controllers.base import ClassicalController
 
 
@@ -14,7 +14,7 @@ class NoControl(ClassicalController):
     """
 
     kind = "none"
-    _tasks = tuple(dict(tasks()))
+    tasks = tuple(dict(_core.tasks()))
 
 
 class PD(ClassicalController):
@@ -106,4 +106,4 @@ class DockPD(ClassicalController):
     """
 
     kind = "dock-pd"
-    _task = "dock"
+    tasks = ("dock",)

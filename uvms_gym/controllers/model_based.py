@@ -6,6 +6,14 @@ from numpy.typing import ArrayLike, NDArray
 from uvms_gym.controllers.base import ClassicalController
 
 
+def _part(controller: ClassicalController, state: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Part (..., k) of a state (m,) or (n, m) of `predict`, by its name in the memory's layout."""
+    memory, width = np.asarray(state, dtype=np.float64), controller.native.widths[1]
+    if memory.ndim not in (1, 2) or memory.shape[-1] != width:
+        raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
+    return memory[..., controller.memory_layout[name]]
+
+
 class ModelBased(ClassicalController):
     """Base class of controllers with a disturbance observer."""
 
@@ -19,11 +27,7 @@ class ModelBased(ClassicalController):
         ValueError
             A state of another shape.
         """
-        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
-        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
-            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
-        layout = self.memory_layout
-        return memory[..., layout["slow_disturbance"]] + memory[..., layout["wave_disturbance"]]
+        return _part(self, state, "slow_disturbance") + _part(self, state, "wave_disturbance")
 
 
 class DOB(ModelBased):
@@ -78,12 +82,9 @@ class MultipleModel(ClassicalController):
         ValueError
             A state of another shape.
         """
-        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
-        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
-            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
-        weights = np.exp(memory[..., self.memory_layout["log_weights"]])
+        weights = np.exp(_part(self, state, "log_weights"))
         weights /= weights.sum(axis=-1, keepdims=True)
-        return weights.reshape(*memory.shape[:-1], -1, 3)
+        return weights.reshape(*weights.shape[:-1], -1, 3)
 
 
 class AdaptiveDOB(MultipleModel):
@@ -225,7 +226,7 @@ class NMPC(ClassicalController):
     """
 
     kind = "nmpc"
-    _tasks = ("station-keep", "ee-track")
+    tasks = ("station-keep", "ee-track")
 
 
 class ResolvedMotion(ClassicalController):
@@ -269,7 +270,7 @@ class ResolvedMotion(ClassicalController):
     """
 
     kind = "resolved-motion"
-    _task = "ee-track"
+    tasks = ("ee-track",)
 
 
 class AdaptiveResolvedMotion(MultipleModel):
@@ -311,4 +312,4 @@ class AdaptiveResolvedMotion(MultipleModel):
     """
 
     kind = "resolved-adaptive"
-    _task = "ee-track"
+    tasks = ("ee-track",)

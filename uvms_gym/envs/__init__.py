@@ -47,17 +47,14 @@ def register_envs() -> None:
         name = options.__name__.removesuffix("Options")
         reward = {"effort": 0.05, "action_rate": options.storm_action_rate}
         common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / options.dt), "reward": reward}
-        _register(name, "", EPISODE_STEPS, {})
-        for variant, level in VARIANTS.items():
-            _register(name, variant, _STEPS, {"disturbance": level, **common})
-
-
-def _register(name: str, variant: str, steps: int, arguments: dict[str, Any]) -> None:
-    if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
-        gymnasium.register(
-            id=f"UVMS-{name}{variant}-v0",
-            entry_point=f"uvms_gym.envs:{name}Env",
-            vector_entry_point=f"uvms_gym.envs:{name}VectorEnv",
-            max_episode_steps=steps,
-            kwargs=arguments,
-        )
+        variants: dict[str, tuple[int, dict[str, Any]]] = {"": (EPISODE_STEPS, {})}
+        variants |= {variant: (_STEPS, {"disturbance": level, **common}) for variant, level in VARIANTS.items()}
+        for variant, (steps, arguments) in variants.items():
+            if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
+                gymnasium.register(
+                    id=f"UVMS-{name}{variant}-v0",
+                    entry_point=f"uvms_gym.envs:{name}Env",
+                    vector_entry_point=f"uvms_gym.envs:{name}VectorEnv",
+                    max_episode_steps=steps,
+                    kwargs=arguments,
+                )

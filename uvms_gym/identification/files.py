@@ -1,6 +1,7 @@
 """Files of a fit: scene, map of the logs, ranges for training, and all numbers."""
 
 import copy
+import json
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -30,13 +31,12 @@ def fitted_scene(fit: Fit, source: str, name: str | None = None) -> dict[str, An
     """
     scene = copy.deepcopy(fit.scene)
     provenance = scene.setdefault("provenance", {})
-    shares = fit.uncertainty.shares
-    for p, share in zip(fit.parameters, shares.tolist()):
+    for p, share in zip(fit.parameters, fit.uncertainty.shares.tolist()):
         if p.key.startswith(MAP):
             continue
         scene_keys.write(scene, p.key, [_rounded(n) for n in scene_keys.read(scene, p.key)])
         note = f"; {100 * share:.0f} % of the prior's variance remain" if share > UNDETERMINED else ""
-        note += "; observed: its sum with the rigid moment of inertia" if _rotational(p)[0] else ""
+        note += "; observed: its sum with the rigid moment of inertia" if scene_keys.rotational(p.key) else ""
         for key, (low, high) in _ranges(fit, p).items():
             trials = f"to {len(fit.train)} trials of {source}"
             provenance[key] = f"fitted: {trials}, 95 % interval {low:.6g} to {high:.6g}{note}"
@@ -65,8 +65,8 @@ def ranges(scene: Scene) -> dict[str, list[float]]:
 def _ranges(fit: Fit, p: Parameter) -> dict[str, tuple[float, float]]:
     """Intervals of the numbers of a parameter by their own keys."""
     low, high = fit.intervals[p.key]
-    body, axis = _rotational(p)
-    if body:
+    if rotational := scene_keys.rotational(p.key):
+        body, axis = rotational
         # The added moment carries the interval of the sum.
         key = f"{body}.added_mass[{3 + axis}]"
         rest = scene_keys.read(fit.scene, key)[0] - fit.values[p.key]
@@ -77,7 +77,8 @@ def _ranges(fit: Fit, p: Parameter) -> dict[str, tuple[float, float]]:
     for place, number in zip(scene_keys.places(fit.scene, p.key), scene_keys.read(fit.scene, p.key)):
         if number:
             ends = sorted((number * low / value, number * high / value))
-            found[_text(place)] = (ends[0], ends[1])
+            text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+            found[text.removeprefix(".")] = (ends[0], ends[1])
     return found
 
 
@@ -149,16 +150,38 @@ def _nodes(root: Any, tables: list[str], create: bool) -> list[Any]:
     return nodes
 
 
-def _rotational(p: Parameter) -> tuple[str, int]:
-    """Body and axis of a rotational inertia; "" for other parameters."""
-    match = re.fullmatch(rf"(.+)\.{scene_keys.ROTATIONAL_INERTIA}\[(\d)\]", p.key)
-    return (match[1], int(match[2])) if match else ("", 0)
-
-
-def _text(place: scene_keys.Steps) -> str:
-    parts = [f"[{step}]" if isinstance(step, int) else f".{step}" for step in place]
-    return "".join(parts).removeprefix(".")
-
-
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
+
+
+def to_toml(data: Mapping[str, Any]) -> str:
+    """TOML text of a table of numbers, texts, lists and tables."""
+    return "\n".join(_lines(data, ())) + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    """Lines of a table: values, then tables of plain values in one line, as `time = { column = "t" }`, then others."""
+    tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    sections = {k: v for k, v in tables.items() if not path or any(isinstance(one, Mapping) for one in v.values())}
+    keys = [*(key for key in table if key not in tables), *(key for key in tables if key not in sections)]
+    lines = [f"{_key(key)} = {_value(table[key])}" for key in keys]
+    for key, value in sections.items():
+        inner = (*path, key)
+        lines += ["", f"[{'.'.join(map(_key, inner))}]", *_lines(value, inner)]
+    return lines
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    return repr(value)

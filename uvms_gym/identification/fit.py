@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -71,20 +72,15 @@ class Fit:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals of the values by key, within the bounds."""
-        found = {}
-        half = self.uncertainty.quantile * self.uncertainty.deviations
-        for p, x, width in zip(self.parameters, self.solution.common, half):
-            low, high = p.bounds
-            found[p.key] = (p.value(max(float(x - width), low)), p.value(min(float(x + width), high)))
-        return found
+        half, bounds = self.uncertainty.quantile * self.uncertainty.deviations, [p.bounds for p in self.parameters]
+        ends = np.clip(self.solution.common + np.array([-half, half]), *np.transpose(bounds)).T.tolist()
+        return {p.key: (p.value(low), p.value(high)) for p, (low, high) in zip(self.parameters, ends)}
 
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the values by key, to first order, clustered by trial."""
-        found = {}
-        for p, x, d in zip(self.parameters, self.solution.common.tolist(), self.uncertainty.deviations.tolist()):
-            found[p.key] = d * p.value(x) if p.logarithmic else d
-        return found
+        values, deviations = self.values, zip(self.parameters, self.uncertainty.deviations.tolist())
+        return {p.key: d * values[p.key] if p.logarithmic else d for p, d in deviations}
 
     @property
     def at_bounds(self) -> list[str]:
@@ -168,7 +164,7 @@ def fit(
     parameters = make_parameters(loaded, free, map_data, priors)
     chosen = counting(train, channels)
     problem = ReplayProblem(loaded, Replay(train), parameters, chosen)
-    solution = minimise(problem, _stage(report, "dynamics"), stoppable=True)
+    solution = minimise(problem, report and partial(report, "dynamics"), stoppable=True)
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
     changed = load_scene(changed)
@@ -197,10 +193,6 @@ def fit(
     )
 
 
-def _stage(report: Report | None, stage: str) -> Callable[[int, float], None] | None:
-    return None if report is None else lambda iteration, cost: report(stage, iteration, cost)
-
-
 def _fit_balance(
     scene: dict[str, Any],
     train: Replay,
@@ -222,6 +214,6 @@ def _fit_balance(
     if not chosen:
         return everything.balance(scene) - everything.measured
     problem = ReplayProblem(scene, train, chosen, FLOATING[:2], static=True)
-    solution = minimise(problem, _stage(report, "balance"))
+    solution = minimise(problem, report and partial(report, "balance"))
     changed, corrections = problem.changed(solution.common)
     return everything.balance(changed, corrections) - everything.measured_with(corrections)

@@ -100,7 +100,7 @@ def minimise(problem: Problem, report: Callable[[int, float], None] | None = Non
         if not stoppable:
             raise
         converged, interrupted = False, True
-    information, scores = _eliminated(problem, point, model)
+    information, scores = model.eliminated()
     held = _held(problem, point.common, scores.sum(axis=0) + (point.common - problem.origin) / problem.deviations**2)
     return Solution(
         common=point.common,
@@ -125,6 +125,13 @@ class _Model:
     a: Floats
     c: Floats
 
+    def eliminated(self) -> tuple[Floats, Floats]:
+        """Information (N, p, p) and gradients (N, p) with the trials' own parameters eliminated."""
+        if self.c.shape[1] == 0:
+            return self.A, self.a
+        solved = np.linalg.solve(self.C, np.concatenate([np.swapaxes(self.B, 1, 2), self.c[..., None]], axis=2))
+        return self.A - self.B @ solved[..., :-1], self.a - (self.B @ solved[..., -1:])[..., 0]
+
 
 def _evaluate(problem: Problem, common: Floats, own: Floats) -> _Point:
     r = problem.residuals(common, own)
@@ -136,7 +143,6 @@ def _evaluate(problem: Problem, common: Floats, own: Floats) -> _Point:
 
 
 def _linearise(problem: Problem, point: _Point) -> _Model:
-    """Normal equations by finite differences."""
     p, m = len(point.common), point.own.shape[1]
     high = problem.bounds[1]
     J = np.empty((*point.residuals.shape, p + m))
@@ -161,14 +167,6 @@ def _linearise(problem: Problem, point: _Point) -> _Model:
     return _Model(H[:, :p, :p], H[:, :p, p:], C, g[:, :p], g[:, p:] + own_prior * point.own)
 
 
-def _eliminated(problem: Problem, point: _Point, model: _Model) -> tuple[Floats, Floats]:
-    """Information (N, p, p) and gradients (N, p) with the trials' own parameters eliminated."""
-    if model.c.shape[1] == 0:
-        return model.A, model.a
-    solved = np.linalg.solve(model.C, np.concatenate([np.swapaxes(model.B, 1, 2), model.c[..., None]], axis=2))
-    return model.A - model.B @ solved[..., :-1], model.a - (model.B @ solved[..., -1:])[..., 0]
-
-
 def _held(problem: Problem, common: Floats, gradient: Floats) -> Floats:
     """True where a bound stops the descent."""
     low, high = problem.bounds
@@ -178,7 +176,7 @@ def _held(problem: Problem, common: Floats, gradient: Floats) -> Floats:
 
 def _step(problem: Problem, point: _Point, model: _Model, damping: float) -> tuple[Floats, Floats]:
     """Damped step of common and own parameters; those at a bound that stops them stay."""
-    information, gradients = _eliminated(problem, point, model)
+    information, gradients = model.eliminated()
     precision = problem.deviations**-2.0
     S = information.sum(axis=0) + np.diag(precision)
     g = gradients.sum(axis=0) + precision * (point.common - problem.origin)

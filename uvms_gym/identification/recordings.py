@@ -22,18 +22,10 @@ SMOOTHED = 0.02
 WINDOW = 0.4
 #: Channels that are compared: name, unit, and factor from SI units to it.
 CHANNELS: dict[str, tuple[str, float]] = {
-    "roll": ("deg", 180.0 / np.pi),
-    "pitch": ("deg", 180.0 / np.pi),
-    "yaw": ("deg", 180.0 / np.pi),
-    "gyro x": ("deg/s", 180.0 / np.pi),
-    "gyro y": ("deg/s", 180.0 / np.pi),
-    "gyro z": ("deg/s", 180.0 / np.pi),
-    "x": ("mm", 1e3),
-    "y": ("mm", 1e3),
-    "z": ("mm", 1e3),
-    "velocity x": ("mm/s", 1e3),
-    "velocity y": ("mm/s", 1e3),
-    "velocity z": ("mm/s", 1e3),
+    **dict.fromkeys(("roll", "pitch", "yaw"), ("deg", 180.0 / np.pi)),
+    **dict.fromkeys(("gyro x", "gyro y", "gyro z"), ("deg/s", 180.0 / np.pi)),
+    **dict.fromkeys(("x", "y", "z"), ("mm", 1e3)),
+    **dict.fromkeys(("velocity x", "velocity y", "velocity z"), ("mm/s", 1e3)),
 }
 NAMES = tuple(CHANNELS)
 ANGLES = [0, 1, 2]
@@ -75,8 +67,7 @@ class Recording:
 
     def cubics(self, lag: float = 0.0) -> Floats:
         """(n, joints, 4) motion of the joints over each interval, whose stamps are late by a further `lag`, s."""
-        joints = self.log.joints
-        if joints is None:
+        if self.log.joints is None:
             return np.zeros((self.periods, 0, 4))
         # (Smoothed once: a fit asks for many lags.)
         time, value, slope = self._smoothed
@@ -95,7 +86,7 @@ class Recording:
         assert joints is not None
         spans = joints.spans
         around = spans[(spans[:, 0] <= self.start + self.period) & (spans[:, 1] > self.start + self.period)]
-        first, last = float(around[0, 0]), float(around[0, 1])
+        first, last = around[0].tolist()
         count = max(int((last - first) / SMOOTHED), 1)
         c = joints.cubics(first, (last - first) / count, count, smoothing=SMOOTHING)
         end = c[-1] @ ((last - first) / count) ** np.arange(4)
@@ -110,9 +101,8 @@ class Recording:
         # Commands are constant until the next: their integral is piecewise linear.
         stamps, held = thrusters.time, thrusters.command
         stamps, held = np.append(stamps, stamps[-1] + 1e3), np.concatenate([held, held[-1:]])
-        integral = np.concatenate(
-            [np.zeros((1, held.shape[1])), np.cumsum(held[:-1] * np.diff(stamps)[:, None], axis=0)]
-        )
+        integral = np.zeros_like(held)
+        np.cumsum(held[:-1] * np.diff(stamps)[:, None], axis=0, out=integral[1:])
         length = self.period / parts
         ends = np.asarray(self.start + lag + length * np.arange(self.periods * parts + 1), dtype=np.float64)
         means = np.diff(interpolation.linear(stamps, integral, ends), axis=0) / length
@@ -189,5 +179,4 @@ def _initial(measured: Floats, period: float) -> Floats:
 def padded(arrays: Sequence[Floats]) -> Floats:
     """Arrays (n_i, ...) of different lengths side by side, (N, longest, ...): what is missing repeats the last row."""
     longest = max(len(array) for array in arrays)
-    rows = [np.concatenate([a, np.repeat(a[-1:], longest - len(a), axis=0)]) for a in arrays]
-    return np.stack(rows)
+    return np.stack([np.concatenate([a, np.repeat(a[-1:], longest - len(a), axis=0)]) for a in arrays])

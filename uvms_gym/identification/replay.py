@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -53,17 +54,13 @@ class Replay:
         for row, r in zip(self.measured, self.recordings):
             row[r.periods + 1 :] = np.nan
         self.initial = np.stack([r.initial for r in self.recordings])
-        self._cubics: dict[float, Floats] = {}
-        self._commands: dict[float, Floats] = {}
+        # By lag: the uncorrected one, and those of a fit's last steps.
+        self._cubics = lru_cache(4)(lambda lag: padded([_resting(r.cubics(lag)) for r in self.recordings])[:, :-1])
+        self._commands = lru_cache(4)(lambda lag: padded([r.commands(lag, self.substeps) for r in self.recordings]))
 
     def cubics(self, corrections: Corrections) -> Floats:
         """(N, T, joints, 4) motion of the joints."""
-        lag = corrections.lags.get("joints", 0.0)
-        if lag not in self._cubics:
-            if len(self._cubics) > 3:  # (the uncorrected one, and those of a fit's last steps)
-                self._cubics.pop(next(iter(self._cubics)))
-            self._cubics[lag] = padded([_resting(r.cubics(lag)) for r in self.recordings])[:, :-1]
-        cubics = self._cubics[lag]
+        cubics = self._cubics(corrections.lags.get("joints", 0.0))
         if corrections.zeros is not None:
             cubics = cubics.copy()
             cubics[..., 0] -= corrections.zeros
@@ -71,12 +68,8 @@ class Replay:
 
     def commands(self, corrections: Corrections) -> Floats:
         """(N, T, steps, thrusters) commands, N."""
-        lag = corrections.lags.get("thrusters", 0.0)
-        if lag not in self._commands:
-            if len(self._commands) > 3:
-                self._commands.pop(next(iter(self._commands)))
-            self._commands[lag] = padded([r.commands(lag, self.substeps) for r in self.recordings])
-        return self._commands[lag] if corrections.scales is None else self._commands[lag] * corrections.scales
+        commands = self._commands(corrections.lags.get("thrusters", 0.0))
+        return commands if corrections.scales is None else commands * corrections.scales
 
     def measured_with(self, corrections: Corrections) -> Floats:
         """(N, T + 1, 12) measured channels, with a further lag of the IMU."""
@@ -116,7 +109,9 @@ class Replay:
         count, periods, joints = cubics.shape[:3]
         dt, prescribed = self.period / self.substeps, self.prescribed and joints > 0
         # Thrusters that are off are left out: steps are judged by the speeds that they could give.
-        scene = scene if self.thrusters else _without_thrusters(scene)
+        if not self.thrusters:
+            vehicle = {key: v for key, v in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
+            scene = scene | {"vehicle": vehicle, "provenance": {}}
         simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=prescribed)
         state: dict[str, Any] = {
             "position": start[:, 6:9],
@@ -217,17 +212,11 @@ def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
             )
 
 
-def _without_thrusters(scene: dict[str, Any]) -> dict[str, Any]:
-    vehicle = {key: value for key, value in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
-    return scene | {"vehicle": vehicle, "provenance": {}}
-
-
 def shifted(cubics: Floats, time: float) -> Floats:
     """Cubics (..., 4) from a later start of time, s, on."""
     c0, c1, c2, c3 = np.moveaxis(cubics, -1, 0)
-    t = time
-    shift = [c0 + t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + t * 3.0 * c3), c2 + 3.0 * t * c3, c3]
-    return np.stack(shift, axis=-1)
+    value, slope = c0 + time * (c1 + time * (c2 + time * c3)), c1 + time * (2.0 * c2 + time * 3.0 * c3)
+    return np.stack([value, slope, c2 + 3.0 * time * c3, c3], axis=-1)
 
 
 def _resting(cubics: Floats) -> Floats:

@@ -7,6 +7,8 @@ for its diagonal.
 
 import re
 from collections.abc import Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 #: Key of the sum of rigid and added moments of inertia.
@@ -54,29 +56,29 @@ def expand(root: Any, key: str) -> list[str]:
 
 def read(root: Any, key: str) -> list[float]:
     """Numbers at all places of a key."""
-    if body := _rotational(key):
+    if body := rotational(key):
         return [_moments(root, body[0])[body[1]]]
     return [float(_get(root, place)) for place in places(root, key)]
 
 
 def write(root: Any, key: str, values: Sequence[float]) -> None:
     """Set the numbers at all places of a key."""
-    if body := _rotational(key):
+    if body := rotational(key):
         _set_moment(root, *body, values[0])
         return
     for place, value in zip(places(root, key), values, strict=True):
         _get(root, place[:-1])[place[-1]] = value
 
 
-def _rotational(key: str) -> tuple[str, int] | None:
-    """Body and axis of a key of rotational inertia."""
+def rotational(key: str) -> tuple[str, int] | None:
+    """Body and axis of a key of rotational inertia; None for other keys."""
     match = re.fullmatch(rf"(.+)\.{ROTATIONAL_INERTIA}\[([012])\]", key)
     return (match[1], int(match[2])) if match else None
 
 
 def _table(root: Any, key: str) -> Any:
     """Table at a key that stands for one place."""
-    found = list(_places(root, parse(key), ()))
+    found = _places(root, parse(key), ())
     if len(found) != 1 or not isinstance(_get(root, found[0]), dict):
         raise ValueError(f"{key!r} is not one body of the scene")
     return _get(root, found[0])
@@ -113,12 +115,11 @@ def _set_moment(root: Any, key: str, axis: int, value: float) -> None:
 
 
 def _diagonal(matrix: Any, k: int) -> float:
-    """Entry of a diagonal that is given as a list or as a matrix."""
+    """Entry of a diagonal, given as a list or as a matrix."""
     return float(matrix[k][k] if isinstance(matrix[k], list) else matrix[k])
 
 
 def _places(node: Any, steps: Steps, done: Steps) -> list[Steps]:
-    """Places that steps lead to."""
     if not steps:
         return [done]
     step, rest = steps[0], steps[1:]
@@ -146,7 +147,4 @@ def _leaves(node: Any, place: Steps) -> list[Steps]:
 
 
 def _get(root: Any, place: Steps) -> Any:
-    """Value at a place."""
-    for step in place:
-        root = root[step]
-    return root
+    return reduce(getitem, place, root)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym import _rotations as rotations
-from uvms_gym.logs.channel_map import Axis, ChannelMap, Columns
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.map import Axis, ChannelMap, Columns
 from uvms_gym.logs.tables import Table
 from uvms_gym.logs.units import Floats
 
@@ -30,9 +30,8 @@ Mask = NDArray[np.bool_]
 def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
     """Channel of a table."""
     time = _time(table, found)
-    dropped: dict[str, int] = {}
     keep = np.diff(time, prepend=-np.inf) > 0.0
-    dropped["equal stamps"] = int(np.sum(~keep))
+    dropped = {"equal stamps": int(np.sum(~keep))}
     values: dict[str, Any] = _values(found, table)
     if found.axes:
         values |= _axis_values(kind, found.axes, table)
@@ -47,17 +46,9 @@ def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
         raise LogError(
             f"{table.source}: {np.sum(keep)} of {len(keep)} rows remain, at least 2 must; left out: {counts}"
         )
-    samples: dict[str, Any] = {
-        name: array[keep] if isinstance(array, np.ndarray) else array for name, array in values.items()
-    }
-    common: dict[str, Any] = {
-        "source": table.source,
-        "time": time[keep],
-        "gap": found.gap,
-        "rows": len(keep),
-        "dropped": dropped,
-    }
-    return _TYPES[kind](**common, **samples)
+    samples: dict[str, Any] = {"time": time, **values}
+    samples = {name: array[keep] if isinstance(array, np.ndarray) else array for name, array in samples.items()}
+    return _TYPES[kind](source=table.source, gap=found.gap, rows=len(keep), dropped=dropped, **samples)
 
 
 def _time(table: Table, found: ChannelMap) -> Floats:

@@ -62,8 +62,7 @@ class Channel:
 
     def covers(self, times: ArrayLike) -> NDArray[np.bool_]:
         """True for times (m,) within a stretch without gaps."""
-        times = np.asarray(times, dtype=np.float64)
-        return within(self.spans, times)
+        return within(self.spans, np.asarray(times, dtype=np.float64))
 
     def between(self, start: float, end: float) -> Self:
         """Channel of the samples in [start, end], s, and of one sample beyond each end, by which both interpolate.
@@ -97,11 +96,6 @@ class Channel:
         times = np.asarray(times, dtype=np.float64)
         return self._where_covered(times, interpolation.linear(self.time, values, times))
 
-    def _slerp(self, quaternion: Floats, times: ArrayLike) -> Floats:
-        times = np.asarray(times, dtype=np.float64)
-        inside = np.clip(times, self.time[0], self.time[-1])
-        return self._where_covered(times, rotations.slerp(self.time, quaternion, inside))
-
 
 def within(spans: Floats, times: Floats) -> NDArray[np.bool_]:
     """True for times (m,) within one of the sorted spans (k, 2)."""
@@ -129,7 +123,9 @@ class Attitude(Channel):
 
     def quaternion_at(self, times: ArrayLike) -> Floats:
         """(m, 4) attitude at times (m,), by spherical linear interpolation."""
-        return self._slerp(self.quaternion, times)
+        times = np.asarray(times, dtype=np.float64)
+        inside = np.clip(times, self.time[0], self.time[-1])
+        return self._where_covered(times, rotations.slerp(self.time, self.quaternion, inside))
 
     def rotation_at(self, times: ArrayLike) -> Floats:
         """(m, 3, 3) attitude at times (m,), by spherical linear interpolation."""

@@ -16,12 +16,11 @@ import numpy as np
 from uvms_gym import _core
 from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
-from uvms_gym.logs.channel_map import ChannelMap, in_scene_order
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError, reading
-from uvms_gym.logs.map import TRIAL, Bound, LogMap
+from uvms_gym.logs.map import QUANTITIES, TRIAL, Bound, LogMap, in_scene_order
 from uvms_gym.logs.ros2 import read_bag
-from uvms_gym.logs.tables import Table, read_table
+from uvms_gym.logs.tables import read_table
 from uvms_gym.logs.units import Floats
 
 Scene = str | os.PathLike[str] | dict[str, Any]
@@ -89,11 +88,10 @@ class Log:
         SceneError
             Scene that cannot be read.
         """
-        return cls._read(Path(path), LogMap.read(map) if not isinstance(map, LogMap) else map, trial, _names(scene))
+        return cls._read(Path(path), LogMap.read(map), trial, _names(scene))
 
     @classmethod
     def _read(cls, directory: Path, whole: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]) -> Log:
-        """Read the log of one trial, with the names of the scene's joints and thrusters."""
         if whole.by_trial != (trial is not None):
             problem = "is missing" if whole.by_trial else f"is given, but no file's name has {TRIAL}"
             raise LogError(f"{whole.name}: the name of the trial {problem}")
@@ -116,7 +114,7 @@ class Log:
     @classmethod
     def read_all(cls, path: str | os.PathLike[str], map: Map, scene: Scene | None = None) -> list[Log]:
         """Read the logs of all trials of a directory, sorted by name; arguments and errors as of `read`."""
-        found = LogMap.read(map) if not isinstance(map, LogMap) else map
+        found = LogMap.read(map)
         which = trials(Path(path), found) if found.by_trial else [None]
         names = _names(scene)
         return [cls._read(Path(path), found, trial, names) for trial in which]
@@ -124,8 +122,7 @@ class Log:
     @property
     def channels(self) -> dict[str, Channel]:
         """Channels that the log has, by name."""
-        kinds = ("pose", "attitude", "twist", "imu", "joints", "thrusters")
-        return {kind: channel for kind in kinds if (channel := getattr(self, kind)) is not None}
+        return {kind: channel for kind in QUANTITIES if (channel := getattr(self, kind)) is not None}
 
     def spans(self, *kinds: str) -> Floats:
         """(k, 2) starts and ends of the times between start and end at which channels have no gaps, s.
@@ -210,15 +207,15 @@ def _read_channels(
     maps = dict(found.channels)
     for kind in (kind for kind in names if kind in maps):
         maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names[kind]))
-    tables = {kind: _table(directory, channel, trial) for kind, channel in maps.items() if channel.file}
+    tables = {}
+    for kind, channel in maps.items():
+        if channel.file:
+            columns = {key: group or [] for key, group in channel.names.items()}
+            file = _file(directory, channel.file, trial)
+            tables[kind] = read_table(file, channel.delimiter, channel.time or "", columns)
     if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
         tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)
     return {kind: make_channel(kind, channel, tables[kind]) for kind, channel in maps.items()}
-
-
-def _table(directory: Path, channel: ChannelMap, trial: str | None) -> Table:
-    names = {key: group or [] for key, group in channel.names.items()}
-    return read_table(_file(directory, channel.file or "", trial), channel.delimiter, channel.time or "", names)
 
 
 def _file(directory: Path, pattern: str, trial: str | None) -> Path:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from uvms_gym.logs.channel_map import ChannelMap
 from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.map import ChannelMap
 from uvms_gym.logs.tables import Table, make_table
 
 #: Fields of the usual messages that contain a quantity; the first one that a message has is read.
@@ -51,12 +51,14 @@ class _Topic:
             self._header = channel.stamp != "bag" and hasattr(message, "header")
             if channel.stamp == "header" and not self._header:
                 raise LogError(f'{self._place}: no header; stamp = "bag" reads the times of recording')
-        row = [_header_stamp(message) if self._header else recorded * 1e-9]
+        stamp = message.header.stamp if self._header else None
+        row = [float(stamp.sec + stamp.nanosec * 1e-9) if stamp else recorded * 1e-9]
         for name, get in self._getters.items():
             try:
                 row.append(float(get(message)))
             except (AttributeError, IndexError, TypeError, ValueError):
-                raise self._missing(name, message) from None
+                place, known = self._where(len(self._rows)), _listed(message)
+                raise LogError(f"{place}: {name}: no such number; fields: {known}") from None
         self._rows.append(row)
 
     def table(self) -> Table:
@@ -80,9 +82,6 @@ class _Topic:
                 continue
             return names
         raise LogError(f"{self._place}: no field for {quantity}; the map names columns, of: {_listed(message)}")
-
-    def _missing(self, name: str, message: Any) -> LogError:
-        return LogError(f"{self._where(len(self._rows))}: {name}: no such number; fields: {_listed(message)}")
 
 
 def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]:
@@ -145,11 +144,6 @@ def _getter(name: str) -> Getter:
     if entry.isdecimal():
         return lambda message: get(message)[int(entry)]
     return lambda message: get(message)[list(message.name).index(entry)]
-
-
-def _header_stamp(message: Any) -> float:
-    stamp = message.header.stamp
-    return float(stamp.sec + stamp.nanosec * 1e-9)
 
 
 def _listed(message: Any) -> str:

@@ -50,12 +50,7 @@ class AsymmetricPPO(Learner):
     """PPO whose critic sees perfect observations, on paired episodes.
 
     Episodes with the same seed meet the same disturbances. The mean over them of the advantages at a time step is
-    subtracted: what no action could have changed, such as pushes, cancels.
-
-    Raises
-    ------
-    ValueError, TypeError, OSError, gymnasium.error.Error
-        A setting is unknown or out of range, or the initial policy does not fit.
+    subtracted: what no action could have changed, such as pushes, cancels. Errors as of `Learner`.
     """
 
     def __init__(self, settings: Settings) -> None:

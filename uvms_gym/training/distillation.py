@@ -37,12 +37,7 @@ class Distillation(Learner):
 
     The teacher sees the perfect observations. It is a classical controller with its tuned gains, without compensation
     of a delay that they do not have, or a policy (`mlp:FILE`) that was trained on such observations. It acts in the
-    first iteration, the actor in all others.
-
-    Raises
-    ------
-    ValueError, TypeError, gymnasium.error.Error
-        A setting is unknown or out of range, or the teacher is neither a policy nor a classical controller of the task.
+    first iteration, the actor in all others. Errors as of `Learner`; any other teacher is a `ValueError`.
     """
 
     def __init__(self, settings: Settings) -> None:

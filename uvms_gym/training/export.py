@@ -151,9 +151,10 @@ def card(folder: Path) -> str:
     tails = {file: numbers["pose_95"] / numbers["pose"] for file, numbers in found.items()}
     worst = max(tails, key=tails.__getitem__)
     first = next(iter(notes))
+    algorithms = (note["algorithm"] + (f" on {note['base']}" if "base" in note else "") for note in notes.values())
     text = _CARD.format(
         mark=_MARK,
-        algorithms=", ".join(dict.fromkeys(_algorithm(note) for note in notes.values())),
+        algorithms=", ".join(dict.fromkeys(algorithms)),
         policies="\n".join(_row(file, notes[file], found[file]) for file in notes),
         episodes=found[first]["episodes"],
         seed=found[first]["seed"],
@@ -167,13 +168,7 @@ def card(folder: Path) -> str:
     return text + "".join(f"- `{file}` diverges in {share:.1%} of the episodes.\n" for file, share in diverged.items())
 
 
-def _algorithm(notes: Mapping[str, str]) -> str:
-    """Algorithm, with the corrected controller."""
-    return notes["algorithm"] + (f" on {notes['base']}" if "base" in notes else "")
-
-
 def _row(file: str, notes: Mapping[str, str], found: Mapping[str, Any]) -> str:
-    """Row of the table of policies."""
     learned = "from scratch"
     if "base" in notes:
         learned = f"corrections to {notes['base']}, up to {notes['limit']}"
@@ -204,6 +199,8 @@ def _plain(value: str) -> str:
         return value
     if not isinstance(data, dict):
         return value
-    if not data:
-        return "the environment's own"
-    return ", ".join(f"{key} `{item if isinstance(item, str) else json.dumps(item)}`" for key, item in data.items())
+    return (
+        "the environment's own"
+        if not data
+        else ", ".join(f"{key} `{item if isinstance(item, str) else json.dumps(item)}`" for key, item in data.items())
+    )

@@ -41,7 +41,8 @@ def read_hyperparameters(
         raise ValueError(f"{path}: no hyperparameters by environment")
     if env not in tables:
         known = ", ".join(name for name in tables if "/" not in str(name))
-        raise ValueError(f"{path}: no hyperparameters for {env}; known: {known}")
+        other = "" if file else "; --conf-file names a file with others"
+        raise ValueError(f"{path}: no hyperparameters for {env}; known: {known}{other}")
     return {**tables[env], **(tables.get(f"{env}/{variant}", {}) if variant else {})}
 
 

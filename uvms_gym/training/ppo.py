@@ -1,23 +1,26 @@
 """Proximal policy optimisation by Stable-Baselines3 on native environments: a run, from its start or a checkpoint."""
 
+import io
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from uvms_gym import MLP
+from uvms_gym._files import write
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.sb3 import make_vec_env
-from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import episode_steps
 from uvms_gym.training.export import policy_of, write_card
 from uvms_gym.training.hyperparameters import arguments, count
@@ -33,6 +36,9 @@ from uvms_gym.training.run import (
     passed,
 )
 from uvms_gym.training.wrappers import History, ResidualVecEnv, StaggeredStart
+
+#: Member of a checkpoint with which runs resume bit-identically.
+_MEMBER = "continuation.npz"
 
 
 def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | None]:
@@ -75,6 +81,53 @@ def make_model(settings: Settings, venv: VecEnv, **more: Any) -> PPO:
 def check(settings: Settings) -> None:
     """Make environment and model once: errors as in `make_envs` and `make_model`."""
     make_model(settings, make_envs(settings)[0])
+
+
+def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
+    """Write a model in the format of Stable-Baselines3, with environments, random generators and the time so far, s.
+
+    `stable_baselines3.PPO.load` and rl_zoo3 read it, too.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    kind, keys, *rest = np.random.get_state()  # noqa: NPY002 (Stable-Baselines3 draws from it)
+    assert kind == "MT19937"
+    arrays = {f"env.{name}": rows for name, rows in venv.get_state().items()}  # type: ignore[attr-defined]
+    arrays |= {"torch": torch.get_rng_state().numpy(), "numpy.keys": keys, "numpy.rest": np.array(rest, dtype=float)}
+    data, complete = io.BytesIO(), io.BytesIO()
+    np.savez(data, seconds=seconds, **arrays)
+    model.save(complete)
+    with zipfile.ZipFile(complete, "a") as file:
+        file.writestr(_MEMBER, data.getvalue())
+    write(path, complete.getvalue())
+
+
+def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:
+    """Read a checkpoint, and set environments and random generators; returns the model and the time so far, s.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        The file is of another kind, or for other environments.
+    """
+    try:
+        with zipfile.ZipFile(path) as file:
+            data = file.read(_MEMBER)
+    except (zipfile.BadZipFile, KeyError):
+        raise ValueError(f"{path} holds no training run of `uvms train`") from None
+    # The observations before the next action belong to the environments' state.
+    model = PPO.load(path, env=venv, force_reset=False, **arguments)
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        venv.set_state({name.removeprefix("env."): arrays[name] for name in arrays if name.startswith("env.")})  # type: ignore[attr-defined]
+        torch.set_rng_state(torch.from_numpy(arrays["torch"]))
+        position, has_gauss, gauss = arrays["numpy.rest"]
+        np.random.set_state(("MT19937", arrays["numpy.keys"], int(position), int(has_gauss), gauss))  # noqa: NPY002
+        return model, float(arrays["seconds"])
 
 
 def train(
@@ -127,7 +180,7 @@ def train(
     else:
         given = arguments(settings.hyperparameters)
         schedules = {key: given[key] for key in ("learning_rate", "clip_range") if key in given}
-        model, before = continuation.load(agent, venv, device=settings.device, **schedules, **log)
+        model, before = load(agent, venv, device=settings.device, **schedules, **log)
     record = Record(settings, folder, envs, time.perf_counter() - before, origin or {}, report, base)
     run = _Run(record, tick)
     run.init_callback(model)
@@ -207,7 +260,7 @@ class _Run(BaseCallback):
 
     def save(self, path: Path) -> None:
         """Write a checkpoint."""
-        continuation.save(self.model, self.training_env, self.record.seconds, path)  # type: ignore[arg-type]
+        save(self.model, self.training_env, self.record.seconds, path)  # type: ignore[arg-type]
 
     def export(self, path: Path) -> Path:
         """Write the policy with its notes."""

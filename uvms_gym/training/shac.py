@@ -51,12 +51,7 @@ class Shac(Learner):
 
     Episodes run in the environment. Their states and actions are recorded, and the gradient is carried
     backwards along them by `ReturnGradient`. The size of a step follows the change of actions: an actor that changes
-    too fast begins to oscillate, and gradients through an oscillation say little.
-
-    Raises
-    ------
-    ValueError, TypeError, OSError, gymnasium.error.Error
-        A setting is unknown or out of range, or the initial policy does not fit.
+    too fast begins to oscillate, and gradients through an oscillation say little. Errors as of `Learner`.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -112,7 +107,6 @@ class Shac(Learner):
         self._adapt(episodes, len(updates), generator)
 
     def _improve(self, windows: Windows) -> None:
-        """Take a step along the gradient of the return."""
         mean, pull = forward(self.actor, windows.inputs)
         with torch.no_grad():
             gradient = self.gradient(windows, pull)

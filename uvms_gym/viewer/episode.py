@@ -1,5 +1,6 @@
 """Episode that goes on while its conditions, target and controller change."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,13 +47,15 @@ class Conditions:
         `components` have the form of the option `disturbance`, without `base`.
         """
         changed = {name: dict(entry) if isinstance(entry, dict) else entry for name, entry in components.items()}
-        for name, keys in _SCALED.items():
-            for key in keys:
-                if changed.get(name) and changed[name].get(key) is not None:
-                    changed[name][key] = _each(changed[name][key], lambda x: self.strength * x)
-        if changed.get("thrusters") and changed["thrusters"].get("gain") is not None:
-            gain = changed["thrusters"]["gain"]
-            changed["thrusters"]["gain"] = _each(gain, lambda x: max(0.0, 1.0 - self.strength * (1.0 - x)))
+        changes: dict[tuple[str, str], Callable[[float], float]] = {
+            (name, key): lambda x: self.strength * x for name, keys in _SCALED.items() for key in keys
+        }
+        changes["thrusters", "gain"] = lambda x: max(0.0, 1.0 - self.strength * (1.0 - x))
+        for (name, key), change in changes.items():
+            if changed.get(name) and (value := changed[name].get(key)) is not None:
+                # A number, or both ends of a range.
+                several = isinstance(value, list | tuple)
+                changed[name][key] = [change(x) for x in value] if several else change(value)
         changed["current"] = {**changed.get("current", {}), "speed": self.current}
         changed["parameters"] = {**changed.get("parameters", {}), "payload": [self.payload, self.payload]}
         return changed
@@ -131,8 +134,3 @@ class LiveEpisode:
         poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)
         aim = next(shot[name] for name in ("point", "dock", "target") if name in shot)
         return {name: rows[0] for name, rows in {**shot, "poses": poses, "aim": aim}.items()}
-
-
-def _each(value: Any, change: Any) -> Any:
-    """Change of a number or of both ends of a range."""
-    return [change(x) for x in value] if isinstance(value, list | tuple) else change(value)

@@ -72,19 +72,19 @@ class Gate:
     that leads here its own host. Of messages those pass that the controls can send, with values of their types and
     options; ranges are checked by the episode, whose refusal gives the control its last value back.
 
-    `refused` is called with a line, at most once a second, when a message is refused.
+    `refused` is called with a line, at most once a second, when a message is refused; `handles` is the name of the
+    target's handles, which may be dragged.
     """
 
     def __init__(self) -> None:
         self.refused: Callable[[str], None] = lambda reason: None
         self._controls: dict[str, Any] = {}
-        self._handles = ""
-        self._told = -math.inf
+        self.handles = ""
+        self._last_notice = -math.inf
 
-    def admit(self, *controls: Any, handles: Any) -> None:
-        """Admit the values of controls, and drags of a target's handles."""
-        self._controls |= {control._impl.uuid: control for control in controls}
-        self._handles = handles.name
+    def admit(self, control: Any) -> None:
+        """Admit the values of a control."""
+        self._controls[control._impl.uuid] = control
 
     def serve(self, host: str, port: int, kind: type[viser.ViserServer]) -> viser.ViserServer:
         """Start a viser server of this kind behind the gate.
@@ -140,8 +140,8 @@ class Gate:
         try:
             self._check(_DECODER.decode(message))
         except Exception as error:
-            if (now := time.monotonic()) - self._told >= _PAUSE:
-                self._told = now
+            if (now := time.monotonic()) - self._last_notice >= _PAUSE:
+                self._last_notice = now
                 self.refused(" ".join(str(error).split())[:200])
             return False
         return True
@@ -152,7 +152,7 @@ class Gate:
             if control is None:
                 raise ValueError("there is no such control")
             _check_value(control, message.updates.get("value"))
-        elif not isinstance(message, _Camera) and (message.name, message.owner) != (self._handles, ""):  # type: ignore[attr-defined]
+        elif not isinstance(message, _Camera) and (message.name, message.owner) != (self.handles, ""):  # type: ignore[attr-defined]
             raise ValueError("there are no such handles")
 
 

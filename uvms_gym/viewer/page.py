@@ -39,15 +39,8 @@ class Page:
     step was requested.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        gate: Gate,
-        episode: LiveEpisode,
-        world: World,
-        title: str,
-    ) -> None:
-        self._server, self._episode, self._world, self._gizmo = server, episode, world, world.gizmo
+    def __init__(self, server: viser.ViserServer, gate: Gate, episode: LiveEpisode, world: World, title: str) -> None:
+        self._server, self._gate, self._episode, self._world, self._gizmo = server, gate, episode, world, world.gizmo
         self._commands: dict[str, tuple[float, Callable[[], None]]] = {}
         self._said = ("", -math.inf)
         self.running, self.speed, self.stepped = True, 1.0, False
@@ -95,17 +88,8 @@ class Page:
         thrusters = episode.env.snapshot().thruster_names
         self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
         self.note()
-        inputs = (
-            self.controller,
-            self.setting,
-            self.pace,
-            self.seed,
-            self.buttons,
-            self.view,
-            self.follow,
-            self.handles,
-        )
-        gate.admit(*inputs, self.strength, self.current, self.payload, handles=self._gizmo)
+        gate.admit(self.view)
+        gate.handles = self._gizmo.name
         gate.refused = lambda reason: self._put("refused", lambda: self.say("Refused", reason))
 
     def run_commands(self) -> None:
@@ -205,7 +189,6 @@ class Page:
         self._episode.change((np.array(self._gizmo.position), np.array(self._gizmo.wxyz)))
 
     def _restore(self) -> None:
-        """Set the controls to the episode's values."""
         episode = self._episode
         family, setting = split(episode.controller)
         self.controller.value, self.seed.value = family, str(episode.seed)
@@ -226,6 +209,7 @@ class Page:
 
     def _on(self, handle: Any, kind: str, command: Callable[[], None], rest: float = 0.0) -> None:
         """Run a command at every change of a control, after a rest, s; the value of the last change counts."""
+        self._gate.admit(handle)
         register = handle.on_click if hasattr(handle, "on_click") else handle.on_update
         register(lambda _: self._put(kind, command, rest))
 
@@ -235,14 +219,10 @@ class Page:
     def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
         """Chart of named curves over the time before now."""
         axis = {"stroke": "#cddee4", "grid": {"stroke": "#ffffff22", "width": 1}}
-        series = (
-            {"label": "before now (s)"},
-            *({"label": name, "stroke": colour, "width": 1.5} for name, colour in curves),
-        )
-        empty = tuple(np.zeros(1) for _ in series)
+        drawn = ({"label": name, "stroke": colour, "width": 1.5} for name, colour in curves)
         return self._server.gui.add_uplot(
-            empty,
-            series,
+            (np.zeros(1),) * (1 + len(curves)),
+            ({"label": "before now (s)"}, *drawn),
             title=title,
             # A constant range: charts that follow their data lose it in browsers that come later.
             scales={"x": {"time": False, "range": (-SPAN, 0.0)}},

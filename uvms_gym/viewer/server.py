@@ -43,7 +43,8 @@ class Viewer:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((HOST, port))
         self.gate = Gate()
-        with _quiet():
+        # Without viser's own lines.
+        with contextlib.redirect_stdout(io.StringIO()):
             self.server = self.gate.serve(HOST, port, _LocalServer)
         if (bound := self.server.get_port()) != port:
             self.close()
@@ -111,7 +112,7 @@ class Viewer:
 
     def close(self) -> None:
         """Stop the server."""
-        with _quiet():
+        with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
     def _step(self) -> bool:
@@ -122,8 +123,3 @@ class Viewer:
             self.page.clear()
         self.page.note()
         return went_on
-
-
-def _quiet() -> contextlib.AbstractContextManager[io.StringIO]:
-    """Suppress viser's own lines."""
-    return contextlib.redirect_stdout(io.StringIO())

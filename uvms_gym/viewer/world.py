@@ -1,5 +1,6 @@
 """3-D scene of the page: vehicle, arm, thrust, current, reference and target."""
 
+import itertools
 import math
 from typing import Any
 
@@ -157,15 +158,10 @@ def _quaternions(poses: Floats) -> Floats:
 
 def _brackets(centre: Floats, size: Floats) -> NDArray[np.float32]:
     """Corners of a box somewhat larger than the vehicle, (24, 2, 3)."""
-    corners = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    half = 0.56 * size
-    lines = []
-    for corner in corners:
-        for k in range(3):
-            inner = corner.copy()
-            inner[k] *= 0.7
-            lines.append((centre + half * corner, centre + half * inner))
-    return np.array(lines, dtype=np.float32)
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))[:, None]
+    inner = corners * (1.0 - 0.3 * np.eye(3))
+    lines = centre + 0.56 * size * np.stack([np.broadcast_to(corners, inner.shape), inner], axis=2)
+    return np.asarray(lines.reshape(24, 2, 3), dtype=np.float32)
 
 
 def _gradient() -> NDArray[np.uint8]:
