@@ -12,19 +12,12 @@ x forward, y left, z up at the end by S = diag(1, -1, -1, 1, -1, -1):
     nu_r = nu - nu_c,  nu_c = [R^T v_c; 0],  nu_c' = [-S(omega) R^T v_c; 0]
 """
 
-import platform
-
 import numpy as np
-from scene_model import HERE, random_state, read, save
+from scene_model import random_cases, random_state, save, skew
 
 SCENES = ["rexrov-frozen", "bluerov2-heavy-frozen"]
-STATES = 10
 FLIP3 = np.diag([1.0, -1.0, -1.0])
 FLIP6 = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-
-
-def skew(a):
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
 def restoring(rotation, weight, buoyancy, r_g, r_b):
@@ -79,21 +72,12 @@ def acceleration(model, state, current):
     return FLIP6 @ np.linalg.solve(M_RB + M_A, rest)
 
 
-def main():
-    scenes = []
-    for index, name in enumerate(SCENES):
-        model, _ = read(name)
-        rng = np.random.default_rng([3, index])
-        cases = []
-        for i in range(STATES):
-            state = random_state(rng, model)
-            state.pop("external")
-            current = np.zeros(3) if i % 2 == 0 else np.round(rng.normal(size=3), 3)
-            expected = {"acceleration": acceleration(model, state, current)}
-            cases.append(state | {"current": current, "expected": expected})
-        scenes.append({"scene": name, "cases": cases})
-    save(HERE / "fossen_vehicle.json", scenes, {"python": platform.python_version(), "numpy": np.__version__})
+def case(i, rng, model):
+    state = random_state(rng, model)
+    state.pop("external")
+    current = np.zeros(3) if i % 2 == 0 else np.round(rng.normal(size=3), 3)
+    return state | {"current": current, "expected": {"acceleration": acceleration(model, state, current)}}
 
 
 if __name__ == "__main__":
-    main()
+    save("fossen_vehicle.json", random_cases(SCENES, 3, case))

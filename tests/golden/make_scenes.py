@@ -211,8 +211,7 @@ RANDOM = {
     "random-no-links": (15, {"mass": 20.0, "kinds": "", "mount": "revolute", "base": True}),
     "random-no-arm": (16, {"mass": 25.0, "kinds": None}),
 }
-VISCOUS = ("random-nine-joints", "random-fixed-base", "petasus-pum")
-GEARED = ("random-nine-joints", "random-fixed-base", "petasus-pum")
+VISCOUS_AND_GEARED = ("random-nine-joints", "random-fixed-base", "petasus-pum")
 FROZEN = ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov")
 
 
@@ -231,14 +230,10 @@ def coupled(scene, seed):
     return scene
 
 
-def write_viscous(scene, name):
-    if name in VISCOUS:
+def write_viscous_and_geared(scene, name):
+    if name in VISCOUS_AND_GEARED:
         summary = f"{name} without water, with viscous friction at the joints alone, made for tests."
         write(dry(scene, viscous=True), f"{name}-viscous", summary)
-
-
-def write_geared(scene, name):
-    if name in GEARED:
         scene = dry(scene)
         for i, joint in enumerate(joints(scene)):
             if i % 3 != 1:
@@ -252,15 +247,13 @@ def main():
         scene = Random(seed).scene(**parts)
         write(scene, name, "Random numbers, made for tests.")
         write(dry(scene), f"{name}-dry", "Random numbers, made for tests; without water and joint losses.")
-        write_viscous(scene, name)
-        write_geared(scene, name)
+        write_viscous_and_geared(scene, name)
     for name in FROZEN:
         scene = physics(tomllib.loads((SHIPPED / f"{name}.toml").read_text()))
         write(scene, f"{name}-frozen", f"Physics of {name}, frozen for tests.")
         if "arm" in scene:
             write(dry(scene), f"{name}-dry", f"{name} without water and joint losses, frozen for tests.")
-        write_viscous(scene, name)
-        write_geared(scene, name)
+        write_viscous_and_geared(scene, name)
         if name == "petasus-pum":
             summary = f"{name} with off-diagonal added mass on every body, made for tests."
             write(coupled(scene, 17), f"{name}-coupled", summary)

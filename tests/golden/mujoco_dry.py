@@ -18,12 +18,11 @@ the step.
 """
 
 import json
-import platform
 import xml.etree.ElementTree as ET
 
 import mujoco
 import numpy as np
-from scene_model import HERE, random_state, read, save
+from scene_model import HERE, random_cases, random_state, read, save
 
 SCENES = [
     "petasus-pum-dry",
@@ -40,7 +39,6 @@ SCENES = [
     "random-nine-joints-geared",
     "random-fixed-base-geared",
 ]
-STATES = 10
 MOTIONS = ["petasus-pum-viscous", "random-fixed-base-viscous"]
 MOTION_TIME = 1.0
 MOTION_STEPS = (50_000, 100_000)
@@ -167,16 +165,11 @@ def check_against_pinocchio():
         assert worst < 1e-11
 
 
-def cases(name, index):
-    model, _ = read(name)
-    rng = np.random.default_rng([4, index])
-    result = []
-    for _ in range(STATES):
-        state = random_state(rng, model)
-        robot = Robot(model, state)
-        robot.apply(state)
-        result.append(state | {"expected": {"acceleration": robot.acceleration()}})
-    return result
+def case(_, rng, model):
+    state = random_state(rng, model)
+    robot = Robot(model, state)
+    robot.apply(state)
+    return state | {"expected": {"acceleration": robot.acceleration()}}
 
 
 def end(model, state, steps):
@@ -203,14 +196,8 @@ def motion(name, index):
     return result | {"start": {key: state[key] for key in fine}, "end": fine}
 
 
-def main():
-    check_against_pinocchio()
-    scenes = [{"scene": name, "cases": cases(name, index)} for index, name in enumerate(SCENES)]
-    made_with = {"python": platform.python_version(), "mujoco": mujoco.__version__, "numpy": np.__version__}
-    save(HERE / "mujoco_dry.json", scenes, made_with)
-    motions = [motion(name, index) for index, name in enumerate(MOTIONS)]
-    save(HERE / "mujoco_motion.json", motions, made_with)
-
-
 if __name__ == "__main__":
-    main()
+    check_against_pinocchio()
+    save("mujoco_dry.json", random_cases(SCENES, 4, case), mujoco=mujoco.__version__)
+    motions = [motion(name, index) for index, name in enumerate(MOTIONS)]
+    save("mujoco_motion.json", motions, mujoco=mujoco.__version__)

@@ -22,13 +22,9 @@ import platform
 
 import casadi as ca
 import numpy as np
-from scene_model import HERE, Reader, load, plain
+from scene_model import HERE, Reader, load, plain, rotation_rpy, skew
 
 DT = 0.05
-
-
-def skew(a):
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
 def series(z, shift):
@@ -211,13 +207,8 @@ def solve(problem):
     return problem | {"dt": DT, "cost": float(found["f"]), "inputs": inputs}
 
 
-def turned(roll, pitch, yaw):
-    turns = zip(np.eye(3)[::-1], (yaw, pitch, roll), strict=True)
-    rotation = np.eye(3)
-    for axis, angle in turns:
-        K = skew(axis)
-        rotation = rotation @ (np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
-    return rotation
+def turned(*angles):
+    return rotation_rpy(angles, Reader(float, math))[:3, :3]
 
 
 def problems():

@@ -11,11 +11,9 @@ and `jacobian` (end-effector body twist per [V; qd]) leave out the vehicle's six
 small they are given for the first few states of each scene.
 """
 
-import platform
-
 import numpy as np
 import pinocchio as pin
-from scene_model import HERE, random_state, read, save
+from scene_model import random_cases, random_state, save
 
 SCENES = [
     "petasus-pum-dry",
@@ -30,7 +28,6 @@ SCENES = [
     "random-nine-joints-geared",
     "random-fixed-base-geared",
 ]
-STATES = 10
 DETAILED = 4
 
 
@@ -95,23 +92,11 @@ def solve(model, state, detailed):
     return result
 
 
-def main():
-    scenes = []
-    for index, name in enumerate(SCENES):
-        model, _ = read(name)
-        rng = np.random.default_rng([1, index])
-        cases = []
-        for i in range(STATES):
-            state = random_state(rng, model)
-            state.pop("external")
-            cases.append(state | {"expected": solve(model, state, i < DETAILED)})
-        scenes.append({"scene": name, "cases": cases})
-    save(
-        HERE / "pinocchio_dry.json",
-        scenes,
-        {"python": platform.python_version(), "pinocchio": pin.__version__, "numpy": np.__version__},
-    )
+def case(i, rng, model):
+    state = random_state(rng, model)
+    state.pop("external")
+    return state | {"expected": solve(model, state, i < DETAILED)}
 
 
 if __name__ == "__main__":
-    main()
+    save("pinocchio_dry.json", random_cases(SCENES, 1, case), pinocchio=pin.__version__)

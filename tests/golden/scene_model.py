@@ -10,6 +10,7 @@ Everything with mass is an `Item` rigidly attached to a moving body.
 
 import json
 import math
+import platform
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,9 +91,7 @@ class Reader:
 
     def frame(self, table):
         table = table or {}
-        roll, pitch, yaw = self.vector(table, "rpy")
-        turn = rotation_z(yaw, self) @ rotation_y(pitch, self) @ rotation_x(roll, self)
-        return translation(self.vector(table, "position"), self) @ turn
+        return translation(self.vector(table, "position"), self) @ rotation_rpy(self.vector(table, "rpy"), self)
 
     def joint(self, table, before):
         axis = self.array(table["axis"])
@@ -184,27 +183,21 @@ def translation(position, reader):
     return homogeneous(reader.array(np.eye(3)), position, reader)
 
 
+def skew(a):
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
 def rotation_about(axis, angle, reader):
     """Rodrigues' formula."""
-    x, y, z = axis
-    skew = reader.array(np.zeros((3, 3)))
-    skew[0, 1], skew[0, 2], skew[1, 2] = -z, y, -x
-    skew = skew - skew.T
-    sine, cosine = reader.lib.sin(angle), reader.lib.cos(angle)
-    rotation = reader.array(np.eye(3)) + sine * skew + (1 - cosine) * (skew @ skew)
+    K, sine, cosine = skew(axis), reader.lib.sin(angle), reader.lib.cos(angle)
+    rotation = reader.array(np.eye(3)) + sine * K + (1 - cosine) * (K @ K)
     return homogeneous(rotation, reader.array(np.zeros(3)), reader)
 
 
-def rotation_x(angle, reader):
-    return rotation_about(reader.array([1, 0, 0]), angle, reader)
-
-
-def rotation_y(angle, reader):
-    return rotation_about(reader.array([0, 1, 0]), angle, reader)
-
-
-def rotation_z(angle, reader):
-    return rotation_about(reader.array([0, 0, 1]), angle, reader)
+def rotation_rpy(angles, reader):
+    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    x, y, z = (rotation_about(axis, angle, reader) for axis, angle in zip(reader.array(np.eye(3)), angles))
+    return z @ y @ x
 
 
 def load(name):
@@ -264,7 +257,17 @@ def plain(value):
     return value if isinstance(value, (str, bool, int)) else float(value)
 
 
-def save(path, scenes, made_with):
-    """Writes golden data, one case per line."""
+def save(file, scenes, **versions):
+    """Writes golden data with the versions of programs, one case per line."""
+    made_with = {"python": platform.python_version(), **versions, "numpy": np.__version__}
     text = json.dumps(plain({"made_with": made_with, "scenes": scenes}), separators=(",", ":"))
-    path.write_text(text.replace('{"scene"', '\n{"scene"').replace('{"position"', '\n{"position"') + "\n")
+    (HERE / file).write_text(text.replace('{"scene"', '\n{"scene"').replace('{"position"', '\n{"position"') + "\n")
+
+
+def random_cases(names, stream, case):
+    """Ten cases of each scene, `case(i, rng, model)`, with random numbers of a stream."""
+    scenes = []
+    for index, name in enumerate(names):
+        (model, _), rng = read(name), np.random.default_rng([stream, index])
+        scenes.append({"scene": name, "cases": [case(i, rng, model) for i in range(10)]})
+    return scenes

@@ -21,24 +21,12 @@ equal Pinocchio's golden data to 1e-11; and V' = V_r' - [omega x R^T v_c; 0].
 """
 
 import json
-import platform
 import sys
 
 import mpmath
 import numpy as np
 from mpmath import mp, mpf
-from scene_model import (
-    HERE,
-    homogeneous,
-    random_state,
-    read,
-    rotation_about,
-    rotation_x,
-    rotation_y,
-    rotation_z,
-    save,
-    translation,
-)
+from scene_model import HERE, homogeneous, random_state, read, rotation_about, rotation_rpy, save, translation
 
 mp.dps = 90
 STEP = mpf(10) ** -22
@@ -99,8 +87,7 @@ class Lagrangian:
 
     def poses(self, xi):
         reader = self.reader
-        turn = rotation_z(xi[5], reader) @ rotation_y(xi[4], reader) @ rotation_x(xi[3], reader)
-        poses = [translation(xi[:3], reader) @ self.base @ turn]
+        poses = [translation(xi[:3], reader) @ self.base @ rotation_rpy(xi[3:6], reader)]
         for joint, q in zip(self.model.joints, self.q + xi[6:]):
             motion = translation(q * joint.axis, reader) if joint.prismatic else rotation_about(joint.axis, q, reader)
             poses.append(poses[-1] @ joint.placement @ motion)
@@ -228,15 +215,15 @@ def cases(name):
 
 
 def main(names):
-    path = HERE / "wet_reference.json"
     kept = {}
     if names:
-        kept = {entry["scene"]: entry["cases"] for entry in json.loads(path.read_text())["scenes"]}
+        golden = json.loads((HERE / "wet_reference.json").read_text())
+        kept = {entry["scene"]: entry["cases"] for entry in golden["scenes"]}
     else:
         check_current()
         check_against_pinocchio()
     scenes = [{"scene": name, "cases": cases(name) if not names or name in names else kept[name]} for name in SCENES]
-    save(path, scenes, {"python": platform.python_version(), "mpmath": mpmath.__version__, "numpy": np.__version__})
+    save("wet_reference.json", scenes, mpmath=mpmath.__version__)
 
 
 if __name__ == "__main__":
