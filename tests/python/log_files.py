@@ -128,48 +128,40 @@ def write_bag(path: Path, motion: Motion, storage: str = "sqlite3", late: float 
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    kinds = store.types
+    kinds = {name.rpartition("/")[2]: name for name in store.types}
+    topics = {
+        **{"/pose": "PoseStamped", "/pose_cov": "PoseWithCovarianceStamped", "/odometry": "Odometry"},
+        **{"/imu": "Imu", "/joint_states": "JointState", "/thrusters": "Float64MultiArray"},
+    }
 
     def make(kind: str, *values: Any) -> Any:
-        return kinds[kind](*values)
+        return store.types[kinds[kind]](*values)
 
-    def three(x: np.ndarray, kind: str = "geometry_msgs/msg/Vector3") -> Any:
+    def three(x: np.ndarray, kind: str = "Vector3") -> Any:
         return make(kind, *map(float, x))
 
-    cov, none = np.zeros(36), np.zeros(9)
+    cov, none, order = np.zeros(36), np.zeros(9), [2, 0, 3, 1]
+    names = [JOINTS[i] for i in order]
     with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as bag:
-        topics = {
-            "/pose": "geometry_msgs/msg/PoseStamped",
-            "/pose_cov": "geometry_msgs/msg/PoseWithCovarianceStamped",
-            "/odometry": "nav_msgs/msg/Odometry",
-            "/imu": "sensor_msgs/msg/Imu",
-            "/joint_states": "sensor_msgs/msg/JointState",
-            "/thrusters": "std_msgs/msg/Float64MultiArray",
-        }
-        connections = {topic: bag.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()}
+        connections = {topic: bag.add_connection(topic, kinds[kind], typestore=store) for topic, kind in topics.items()}
         for k, t in enumerate(motion.time):
             ns = round(t * 1e9)
-            stamp = make("builtin_interfaces/msg/Time", ns // 10**9, ns % 10**9)
-            header = make("std_msgs/msg/Header", stamp, "world")
-            quaternion = make("geometry_msgs/msg/Quaternion", *map(float, motion.rotation[k].as_quat()))
-            pose = make("geometry_msgs/msg/Pose", three(motion.position[k], "geometry_msgs/msg/Point"), quaternion)
-            with_cov = make("geometry_msgs/msg/PoseWithCovariance", pose, cov)
+            header = make("Header", make("Time", ns // 10**9, ns % 10**9), "world")
+            quaternion = make("Quaternion", *map(float, motion.rotation[k].as_quat()))
+            pose = make("Pose", three(motion.position[k], "Point"), quaternion)
+            with_cov = make("PoseWithCovariance", pose, cov)
             rate = three(motion.angular_velocity[k])
-            twist = make("geometry_msgs/msg/Twist", three(motion.velocity[k]), rate)
-            twist = make("geometry_msgs/msg/TwistWithCovariance", twist, cov)
-            order = [2, 0, 3, 1]
-            names = [JOINTS[i] for i in order]
-            layout = make("std_msgs/msg/MultiArrayLayout", [], 0)
+            twist = make("TwistWithCovariance", make("Twist", three(motion.velocity[k]), rate), cov)
             messages = {
                 "/pose": (header, pose),
                 "/pose_cov": (header, with_cov),
                 "/odometry": (header, "base", with_cov, twist),
                 "/imu": (header, quaternion, none, rate, none, three(motion.specific_force[k]), none),
                 "/joint_states": (header, names, motion.q[k][order], motion.qd[k][order], np.zeros(0)),
-                "/thrusters": (layout, motion.command[k]),
+                "/thrusters": (make("MultiArrayLayout", [], 0), motion.command[k]),
             }
             for topic, values in messages.items():
-                data = store.serialize_cdr(make(topics[topic], *values), topics[topic])
+                data = store.serialize_cdr(make(topics[topic], *values), kinds[topics[topic]])
                 bag.write(connections[topic], ns + round(late * 1e9), data)
     return {
         "pose": {"topic": "/pose"},

@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import os
+import re
 import sqlite3
 import tomllib
 from collections.abc import Callable
@@ -28,6 +29,24 @@ Edit = Callable[[Lines], object]
 @pytest.fixture
 def log(tmp_path: Path) -> tuple[Path, dict[str, Any]]:
     return tmp_path, write_logs(tmp_path, Motion.random())
+
+
+def refuse(error: str, *arguments: Any, read: Callable[..., Any] = Log.read, **keywords: Any) -> None:
+    """Check that reading raises an error of one line that matches."""
+    with pytest.raises(LogError, match=error) as raised:
+        read(*arguments, **keywords)
+    assert "\n" not in str(raised.value)
+
+
+def set_key(table: dict[str, Any], path: str, value: Any) -> None:
+    """Set the value at a path of keys, or remove it for None."""
+    *parents, key = path.split(".")
+    for parent in parents:
+        table = table.setdefault(parent, {})
+    if value is None:
+        del table[key]
+    else:
+        table[key] = value
 
 
 def edit(path: Path, change: Edit) -> None:
@@ -71,10 +90,7 @@ COLUMNS = "t, x, y, z, qw, qx, qy, qz, frame"
 def test_errors_of_tables_name_file_and_line(log: tuple[Path, dict[str, Any]], change: Edit, error: str) -> None:
     folder, found = log
     edit(folder / "1_pose.csv", change)
-    with pytest.raises(LogError) as raised:
-        Log.read(folder, found, "1")
-    assert str(raised.value).startswith(str(folder / "1_pose.csv") + error)
-    assert "\n" not in str(raised.value)
+    refuse("^" + re.escape(f"{folder}/1_pose.csv{error}"), folder, found, "1")
 
 
 def test_columns_that_the_map_does_not_name_may_hold_anything(log: tuple[Path, dict[str, Any]]) -> None:
@@ -97,23 +113,19 @@ def test_a_quoted_cell_may_go_on_in_the_next_line_but_is_no_number_then(log: tup
     text = (folder / "1_pose.csv").read_text()
     cell = text.split("\n")[6].split(",")[0]
     (folder / "1_pose.csv").write_text(text.replace(f"\n{cell},", '\n"1\n2",'))
-    with pytest.raises(LogError, match=r"1_pose.csv, line 7, \w+: '1\\n2' is not a number$"):
-        Log.read(folder, found, "1")
+    refuse(r"1_pose.csv, line 7, \w+: '1\\n2' is not a number$", folder, found, "1")
 
 
 def test_pipes_and_devices_are_not_opened(log: tuple[Path, dict[str, Any]]) -> None:
     folder, found = log
     (folder / "1_imu.csv").unlink()
     os.mkfifo(folder / "1_imu.csv")
-    with pytest.raises(LogError, match=r"1_imu.csv: cannot be read: not a regular file$"):
-        Log.read(folder, found, "1")
-    with pytest.raises(LogError, match=r"^/dev/zero: cannot be read: not a regular file$"):
-        Log.read(folder, "/dev/zero", "1")
+    refuse(r"1_imu.csv: cannot be read: not a regular file$", folder, found, "1")
+    refuse(r"^/dev/zero: cannot be read: not a regular file$", folder, "/dev/zero", "1")
     bag = write_bag(folder / "bag", Motion.random())
     (folder / "bag" / "bag.db3").unlink()
     os.mkfifo(folder / "bag" / "bag.db3")
-    with pytest.raises(LogError, match=r"bag.db3: cannot be read: not a regular file$"):
-        Log.read(folder / "bag", bag)
+    refuse(r"bag.db3: cannot be read: not a regular file$", folder / "bag", bag)
 
 
 def test_files_are_refused_by_size_before_they_are_read(
@@ -121,32 +133,24 @@ def test_files_are_refused_by_size_before_they_are_read(
 ) -> None:
     folder, found = log
     monkeypatch.setattr(tables, "_MOST", 100)
-    with pytest.raises(LogError, match=r"cannot be read: \d+ bytes, but at most 100 are read$"):
-        Log.read(folder, found, "1")
+    refuse(r"cannot be read: \d+ bytes, but at most 100 are read$", folder, found, "1")
     bag = write_bag(folder / "bag", Motion.random())
     monkeypatch.setattr(ros2, "_MESSAGES", 10)
-    with pytest.raises(LogError, match=r"bag: \d+ messages in these topics, but at most 10 are read$"):
-        Log.read(folder / "bag", bag)
+    refuse(r"bag: \d+ messages in these topics, but at most 10 are read$", folder / "bag", bag)
     monkeypatch.setattr(ros2, "_BYTES", 100)
-    with pytest.raises(LogError, match=r"bag: \d+ bytes, but at most 100 are read$"):
-        Log.read(folder / "bag", bag)
+    refuse(r"bag: \d+ bytes, but at most 100 are read$", folder / "bag", bag)
 
 
 def test_files_that_cannot_be_read_are_named(log: tuple[Path, dict[str, Any]]) -> None:
     folder, found = log
     (folder / "1_imu.csv").write_bytes(b"t,x\n\xff\xfe,1\n")
-    with pytest.raises(LogError, match=r"1_imu.csv: cannot be read: 'utf-8' codec can't decode byte 0xff"):
-        Log.read(folder, found, "1")
+    refuse(r"1_imu.csv: cannot be read: 'utf-8' codec can't decode byte 0xff", folder, found, "1")
     (folder / "1_imu.csv").unlink()
-    with pytest.raises(LogError, match=r"1_imu.csv: no such file$"):
-        Log.read(folder, found, "1")
-    with pytest.raises(LogError, match=r"1_imu.csv: no such file$"):
-        Log.read_all(folder, found)
-    with pytest.raises(LogError, match=r"nowhere: no such directory$"):
-        Log.read_all(folder / "nowhere", found)
+    refuse(r"1_imu.csv: no such file$", folder, found, "1")
+    refuse(r"1_imu.csv: no such file$", folder, found, read=Log.read_all)
+    refuse(r"nowhere: no such directory$", folder / "nowhere", found, read=Log.read_all)
     found["imu"]["file"] = "other_{trial}.csv"
-    with pytest.raises(LogError, match=r"no file is named other_{trial}.csv$"):
-        Log.read_all(folder, {"imu": found["imu"]})
+    refuse(r"no file is named other_{trial}.csv$", folder, {"imu": found["imu"]}, read=Log.read_all)
 
 
 @pytest.mark.parametrize(
@@ -162,17 +166,14 @@ def test_files_that_cannot_be_read_are_named(log: tuple[Path, dict[str, Any]]) -
 def test_starts_and_ends_are_checked(log: tuple[Path, dict[str, Any]], keys: dict[str, Any], error: str) -> None:
     folder, found = log
     (folder / "meta.yml").write_text("start: 1.0\nstop: soon\n")
-    with pytest.raises(LogError, match=error):
-        Log.read(folder, found | keys, "1")
+    refuse(error, folder, found | keys, "1")
 
 
 def test_trials_are_named_where_files_are(log: tuple[Path, dict[str, Any]]) -> None:
     folder, found = log
-    with pytest.raises(LogError, match=r"^map: the name of the trial is missing$"):
-        Log.read(folder, found)
+    refuse(r"^map: the name of the trial is missing$", folder, found)
     found = {"imu": found["imu"] | {"file": "1_imu.csv"}}
-    with pytest.raises(LogError, match=r"^map: the name of the trial is given, but no file's name has {trial}$"):
-        Log.read(folder, found, "1")
+    refuse(r"^map: the name of the trial is given, but no file's name has {trial}$", folder, found, "1")
 
 
 @pytest.mark.parametrize(
@@ -231,26 +232,15 @@ def test_errors_of_maps_name_the_key(log: tuple[Path, dict[str, Any]], path: str
     folder, found = log
     if not path.startswith("thrusters.axes"):
         del found["thrusters"]
-    *parents, key = path.split(".")
-    table = found
-    for parent in parents:
-        table = table.setdefault(parent, {})
-    if value is None:
-        del table[key]
-    else:
-        table[key] = value
-    with pytest.raises(LogError) as raised:
-        Log.read(folder, found, "1", scene="bluerov2-heavy-alpha5")
-    assert str(raised.value).startswith(error if error.startswith("map with") else f"map: {error}")
-    assert "\n" not in str(raised.value)
+    set_key(found, path, value)
+    start = "^" if error.startswith("map with") else "^map: "
+    refuse(start + re.escape(error), folder, found, "1", scene="bluerov2-heavy-alpha5")
 
 
-def test_maps_without_channels_or_poses_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"^map: no channel; known: pose, attitude, twist, imu, joints, thrusters$"):
-        LogMap.read({})
-    found = write_logs(tmp_path, Motion.random())
-    with pytest.raises(LogError, match=r"^map: a start or an end by position needs the channel pose$"):
-        LogMap.read({"imu": found["imu"], "end": {"position": "z", "below": 0.0}})
+def test_maps_without_channels_or_poses_are_refused(log: tuple[Path, dict[str, Any]]) -> None:
+    refuse(r"^map: no channel; known: pose, attitude, twist, imu, joints, thrusters$", {}, read=LogMap.read)
+    found = {"imu": log[1]["imu"], "end": {"position": "z", "below": 0.0}}
+    refuse(r"^map: a start or an end by position needs the channel pose$", found, read=LogMap.read)
 
 
 def test_jumps_need_an_attitude(log: tuple[Path, dict[str, Any]]) -> None:
@@ -258,90 +248,55 @@ def test_jumps_need_an_attitude(log: tuple[Path, dict[str, Any]]) -> None:
     found["imu"]["jump_deg"] = 170.0
     Log.read(folder, found, "1")
     del found["imu"]["quaternion"]
-    with pytest.raises(LogError, match=r"^map: imu.jump_deg: unknown key; known: "):
-        Log.read(folder, found, "1")
+    refuse(r"^map: imu.jump_deg: unknown key; known: ", folder, found, "1")
 
 
 def test_map_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"none.toml: no such file$"):
-        LogMap.read(tmp_path / "none.toml")
+    refuse(r"none.toml: no such file$", tmp_path / "none.toml", read=LogMap.read)
     (tmp_path / "map.toml").write_text("[pose\n")
-    with pytest.raises(LogError, match=r"map.toml: cannot be read: .*line 1"):
-        LogMap.read(tmp_path / "map.toml")
+    refuse(r"map.toml: cannot be read: .*line 1", tmp_path / "map.toml", read=LogMap.read)
     (tmp_path / "map.toml").write_text('[pose]\nfile = "a.csv"\n')
-    with pytest.raises(LogError, match=r"map.toml: pose.time: column is missing$"):
-        Log.read(tmp_path, str(tmp_path / "map.toml"))
+    refuse(r"map.toml: pose.time: column is missing$", tmp_path, str(tmp_path / "map.toml"))
 
 
 @pytest.mark.parametrize(
-    ("kind", "keys", "error"),
+    ("path", "value", "error"),
     [
+        ("pose.topic", "/gps", ": pose: no topic /gps; topics: /imu, /joint_states, /odometry, /pose, /pose_cov, "),
+        ("pose.topic", "/joint_states", " /joint_states: no field for position; the map names columns, of: header."),
         (
-            "pose",
-            {"topic": "/gps"},
-            ": pose: no topic /gps; topics: /imu, /joint_states, /odometry, /pose, /pose_cov, ",
-        ),
-        (
-            "imu",
-            {"specific_force": {"columns": ["a", "b", "c"]}},
+            "imu.specific_force",
+            {"columns": list("abc")},
             " /imu, message 1: a: no such number; fields: header.stamp.sec, ",
         ),
-        (
-            "pose",
-            {"topic": "/joint_states"},
-            " /joint_states: no field for position; the map names columns, of: header.",
-        ),
-        (
-            "joints",
-            {"axes": {"a": {"position": "position[jaw]"}}},
-            " /joint_states, message 1: position[jaw]: no such number; ",
-        ),
-        (
-            "joints",
-            {"axes": {"a": {"position": "position["}}},
-            " /joint_states, message 1: position[: no such number; ",
-        ),
-        ("joints", {"axes": {"a": {"position": "name"}}}, " /joint_states, message 1: name: no such number; "),
-        (
-            "thrusters",
-            {"axes": {"a": {"command": "data[7]"}}},
-            " /thrusters, message 1: data[7]: no such number; fields: ",
-        ),
-        (
-            "thrusters",
-            {"time": {"stamp": "header"}},
-            ' /thrusters: no header; stamp = "bag" reads the times of recording',
-        ),
-        ("imu", {"time": {"column": "header.stamp.nanosec"}}, " /imu, message 26: the stamp "),
+        ("imu.time", {"column": "header.stamp.nanosec"}, " /imu, message 26: the stamp "),
+        ("joints.axes.elbow.position", "position[jaw]", " /joint_states, message 1: position[jaw]: no such number; "),
+        ("joints.axes.elbow.position", "position[", " /joint_states, message 1: position[: no such number; "),
+        ("joints.axes.elbow.position", "name", " /joint_states, message 1: name: no such number; "),
+        ("thrusters.axes.left.command", "data[7]", " /thrusters, message 1: data[7]: no such number; fields: "),
+        ("thrusters.time", {"stamp": "header"}, ' /thrusters: no header; stamp = "bag" reads the times of recording'),
     ],
 )
-def test_errors_of_bags_name_topic_and_field(tmp_path: Path, kind: str, keys: dict[str, Any], error: str) -> None:
+def test_errors_of_bags_name_topic_and_field(tmp_path: Path, path: str, value: Any, error: str) -> None:
     found = write_bag(tmp_path / "bag", Motion.random())
-    found[kind] |= keys
-    with pytest.raises(LogError) as raised:
-        Log.read(tmp_path / "bag", found)
-    assert str(raised.value).startswith(str(tmp_path / "bag") + error)
-    assert "\n" not in str(raised.value)
+    set_key(found, path, value)
+    refuse("^" + re.escape(f"{tmp_path}/bag{error}"), tmp_path / "bag", found)
 
 
 def test_a_topic_without_messages_is_named(tmp_path: Path) -> None:
     found = write_bag(tmp_path / "bag", Motion.random())
     with contextlib.closing(sqlite3.connect(tmp_path / "bag" / "bag.db3")) as data, data:
         data.execute("delete from messages where topic_id in (select id from topics where name = '/imu')")
-    with pytest.raises(LogError, match=r"bag /imu: no messages$"):
-        Log.read(tmp_path / "bag", found)
+    refuse(r"bag /imu: no messages$", tmp_path / "bag", found)
 
 
 def test_bags_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     found = write_bag(tmp_path / "bag", Motion.random())
-    with pytest.raises(LogError, match=r"none: no such bag$"):
-        Log.read(tmp_path / "none", found)
+    refuse(r"none: no such bag$", tmp_path / "none", found)
     (tmp_path / "bag" / "bag.db3").write_bytes(b"no database" * 100)
-    with pytest.raises(LogError, match=r"bag: cannot be read: .*not a database"):
-        Log.read(tmp_path / "bag", found)
+    refuse(r"bag: cannot be read: .*not a database", tmp_path / "bag", found)
     (tmp_path / "bag" / "metadata.yaml").write_text("nothing")
-    with pytest.raises(LogError, match=r"bag: cannot be read: "):
-        Log.read(tmp_path / "bag", found)
+    refuse(r"bag: cannot be read: ", tmp_path / "bag", found)
 
 
 cells = st.sampled_from(
@@ -379,6 +334,9 @@ def test_tables_of_any_content_read_whole_or_not_at_all(
         assert np.all(np.diff(channel.time) > 0.0)
 
 
+#: Map of the pool trials, with every kind of key.
+MAP: dict[str, Any] = tomllib.loads((POOL / "map.toml").read_text())
+MAP |= {"thrusters": {"topic": "/t", "axes": {"a": {"command": "data[0]"}}}, "bag": "{trial}", "gap": 1.0}
 values = st.recursive(
     st.none()
     | st.booleans()
@@ -395,7 +353,7 @@ values = st.recursive(
 @FUZZ
 @given(data=st.data())
 def test_maps_of_any_content_read_or_raise_a_log_error(data: st.DataObject) -> None:
-    found: dict[str, Any] = copy.deepcopy(MAP)
+    found = copy.deepcopy(MAP)
     for _ in range(data.draw(st.integers(1, 3))):
         table = found
         while True:
@@ -414,12 +372,3 @@ def test_maps_of_any_content_read_or_raise_a_log_error(data: st.DataObject) -> N
         LogMap.read(found)
     except LogError as error:
         assert "\n" not in str(error)
-
-
-def pool_map() -> dict[str, Any]:
-    """Map of the pool trials, with every kind of key."""
-    found = tomllib.loads((POOL / "map.toml").read_text())
-    return found | {"thrusters": {"topic": "/t", "axes": {"a": {"command": "data[0]"}}}, "bag": "{trial}", "gap": 1.0}
-
-
-MAP = pool_map()
