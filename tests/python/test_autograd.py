@@ -8,6 +8,14 @@ from helpers import random_state
 
 from uvms_gym import Simulator, load_scene
 
+pytest.importorskip("torch")
+
+import torch
+
+from uvms_gym.torch import state, step
+
+pytestmark = pytest.mark.learning
+
 
 def simulator(scene: str, lag: float | None = None, **options: Any) -> Simulator:
     given = load_scene(scene)
@@ -41,12 +49,8 @@ def arguments(s: Simulator) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray
 CASES = (("petasus-pum", None, "mk4"), ("petasus-pum", 0.1, "ros2"), ("bluerov2-heavy", None, "mk4"))
 
 
-@pytest.mark.learning
 @pytest.mark.parametrize(("scene", "lag", "integrator"), CASES)
 def test_gradcheck_of_torch(scene: str, lag: float | None, integrator: str) -> None:
-    torch = pytest.importorskip("torch")
-    from uvms_gym.torch import state, step
-
     s = simulator(scene, lag, integrator=integrator)
     inputs, parameters = arguments(s)
     start = state(s)
@@ -63,11 +67,7 @@ def test_gradcheck_of_torch(scene: str, lag: float | None, integrator: str) -> N
     assert torch.autograd.gradcheck(run, [value.requires_grad_() for value in values], eps=1e-5, atol=1e-7, rtol=1e-6)
 
 
-@pytest.mark.learning
 def test_steps_in_torch_are_those_of_the_simulator() -> None:
-    torch = pytest.importorskip("torch")
-    from uvms_gym.torch import state, step
-
     s, plain = simulator("petasus-pum", 0.1), simulator("petasus-pum", 0.1)
     wrench, before = np.full(6, 3.0), s.__getstate__()
     ends = step(s, state(s), {"wrench": torch.tensor(wrench)}, substeps=3).numpy()
@@ -79,11 +79,7 @@ def test_steps_in_torch_are_those_of_the_simulator() -> None:
     assert ends.shape == (2, s.state_size + 1) == (2, 13 + 2 * n + s.num_thrusters)
 
 
-@pytest.mark.learning
 def test_gradients_in_single_precision_are_those_in_double_precision_to_rounding() -> None:
-    torch = pytest.importorskip("torch")
-    from uvms_gym.torch import state, step
-
     gradients = []
     for dtype in ("float64", "float32"):
         s = simulator("petasus-pum", 0.1, dtype=dtype)
@@ -94,11 +90,7 @@ def test_gradients_in_single_precision_are_those_in_double_precision_to_rounding
         np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-5 * np.abs(double).max())
 
 
-@pytest.mark.learning
 def test_mistakes_in_torch_are_refused_in_one_line() -> None:
-    torch = pytest.importorskip("torch")
-    from uvms_gym.torch import state, step
-
     s = simulator("bluerov2-heavy")
     good = state(s)
     for value, inputs, message in (
@@ -118,18 +110,16 @@ def test_mistakes_in_torch_are_refused_in_one_line() -> None:
         step(s, good, parameters={"weight": good})
 
 
-@pytest.mark.learning
 @pytest.mark.parametrize(("scene", "lag", "integrator"), CASES)
 def test_gradients_in_jax_are_those_in_torch(scene: str, lag: float | None, integrator: str) -> None:
-    jax, torch = pytest.importorskip("jax"), pytest.importorskip("torch")
+    jax = pytest.importorskip("jax")
     from uvms_gym import jax as in_jax
-    from uvms_gym import torch as in_torch
 
     s = simulator(scene, lag, integrator=integrator)
     inputs, parameters = arguments(s)
     tensors = [{k: torch.tensor(v, requires_grad=True) for k, v in d.items()} for d in (inputs, parameters)]
     weights, before = np.random.default_rng(2).normal(size=s.state_size + 1), s.__getstate__()
-    end = in_torch.step(s, in_torch.state(s), tensors[0], parameters=tensors[1], substeps=2)
+    end = step(s, state(s), tensors[0], parameters=tensors[1], substeps=2)
     (end @ torch.tensor(weights)).sum().backward()
     s.__setstate__(before)
     with jax.enable_x64(True):

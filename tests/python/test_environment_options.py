@@ -117,19 +117,7 @@ def test_the_control_period_of_a_training_is_the_one_that_its_flags_have_elsewhe
 
 @pytest.mark.learning
 def test_a_policy_is_played_and_compared_with_the_flags_of_its_training(trained: str) -> None:
-    given = [
-        *FLAGS,
-        "--algo",
-        "distill",
-        "--teacher",
-        "pid",
-        "-n",
-        "100",
-        "-params",
-        "n_envs:2",
-        "-params",
-        "n_steps:20",
-    ]
+    given = [*FLAGS, *"--algo distill --teacher pid -n 100 -params n_envs:2 -params n_steps:20".split()]
     assert main(["train", *given, "--eval-episodes", "2", "--export", "learned.safetensors", "--verbose", "0"]) == 0
     assert main(["play", *FLAGS, "--controller", "mlp:learned.safetensors", "--seconds", "0.2", "--plot", "x.png"]) == 0
 

@@ -6,7 +6,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-import uvms_gym
 from uvms_gym import Simulator
 from uvms_gym.studies.hard_cases.scenes import single_body
 
@@ -86,6 +85,7 @@ def test_environments_watch_errors_by_default(n):
     assert not warned(error_estimate=False)
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 def test_a_companion_takes_shorter_pieces_of_a_turn_that_begins_at_rest() -> None:
     # The instance halves its first steps: a companion at half the step would take the same pieces, and see no error.
     body = {"mass": 20.0, "inertia": [1.0, 1.2, 1.5], "volume": 0.02, "center_of_buoyancy": [0.0, 0.0, 0.03]}
@@ -97,9 +97,7 @@ def test_a_companion_takes_shorter_pieces_of_a_turn_that_begins_at_rest() -> Non
     for dt in (0.1, 0.001):
         s = Simulator(scene, dt=dt, integrator="ros3", error_estimate=True)
         s.set_state(position=[0.0, 0.0, -20.0], current=[1.5, 0.5, 0.0])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", uvms_gym.StepWarning)
-            s.step(substeps=round(0.5 / dt))
+        s.step(substeps=round(0.5 / dt))
         motions.append(s)
     coarse, fine = motions
     error = np.linalg.norm(coarse.rotation - fine.rotation) / np.sqrt(2)
@@ -107,22 +105,17 @@ def test_a_companion_takes_shorter_pieces_of_a_turn_that_begins_at_rest() -> Non
     assert 1 / 3 < coarse.error_estimate()["attitude"][0] / error < 3
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 @pytest.mark.parametrize("part", ["time", "position", "twist"])
 def test_parts_of_a_state_that_are_not_set_keep_their_errors(part: str) -> None:
     errors = []
     for given in (False, True):
-        s = Simulator(
-            single_body("brick", {"mass": 3.0, "inertia": [0.1, 0.2, 0.25]}),
-            dt=0.05,
-            integrator="mk2",
-            error_estimate=True,
-        )
+        brick = single_body("brick", {"mass": 3.0, "inertia": [0.1, 0.2, 0.25]})
+        s = Simulator(brick, dt=0.05, integrator="mk2", error_estimate=True)
         s.set_state(twist=[0.3, 0.0, 0.0, 3.0, 1.0, 2.0])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", uvms_gym.StepWarning)
-            for _ in range(40):
-                s.step()
-                if given:
-                    s.set_state(**{part: getattr(s, part) + (0.0 if part == "twist" else 1.0)})
+        for _ in range(40):
+            s.step()
+            if given:
+                s.set_state(**{part: getattr(s, part) + (0.0 if part == "twist" else 1.0)})
         errors.append(s.error_estimate()["attitude"][0])
     assert errors[0] > 1e-3 and errors[1] == errors[0]

@@ -150,35 +150,29 @@ def mutated(text: str, rng: random.Random) -> str:
     return text
 
 
+def imported(path: Path) -> None:
+    scene = uvms_gym.import_urdf(path)
+    assert uvms_gym.load_scene(scene) == scene
+
+
+@pytest.mark.parametrize(
+    ("texts", "use", "refusal"), [(TEXTS, simulated, ValueError), ([URDF], imported, SceneError)], ids=["toml", "urdf"]
+)
 @FUZZ
 @given(seed=st.integers(0, 2**64))
-def test_a_mutated_file_is_simulated_or_refused_by_its_name(seed: int) -> None:
+def test_a_mutated_file_is_used_or_refused_by_its_name(
+    texts: list[str], use: Callable[[Path], None], refusal: type[Exception], seed: int
+) -> None:
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "mine.toml"
-        path.write_text(mutated(rng.choice(TEXTS), rng), encoding="utf-8", newline="")
-        with attempt((ValueError,)):
+        path = Path(folder) / ("mine.urdf" if use is imported else "mine.toml")
+        path.write_text(mutated(rng.choice(texts), rng), encoding="utf-8", newline="")
+        with attempt((refusal,)):
             try:
-                simulated(path)
+                use(path)
             except SceneError as error:
                 assert str(path) in str(error), error
                 raise
-
-
-@FUZZ
-@given(seed=st.integers(0, 2**64))
-def test_a_mutated_urdf_is_imported_or_refused_by_its_name(seed: int) -> None:
-    rng = random.Random(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "mine.urdf"
-        path.write_text(mutated(URDF, rng), encoding="utf-8", newline="")
-        with attempt((SceneError,)):
-            try:
-                scene = uvms_gym.import_urdf(path)
-            except SceneError as error:
-                assert str(path) in str(error), error
-                raise
-            assert uvms_gym.load_scene(scene) == scene
 
 
 OUTLINE: dict[str, Any] = {

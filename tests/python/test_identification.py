@@ -29,6 +29,14 @@ def logs_of(scene: dict[str, Any], count: int, duration: float = 8.0, seed: int 
     return [synthetic_log(scene, f"trial-{k}", duration, rng, **options) for k in range(count)]
 
 
+def changed(scene: dict[str, Any], values: dict[str, float | list[float]]) -> dict[str, Any]:
+    """Scene with other values of keys."""
+    scene = copy.deepcopy(scene)
+    for key, value in values.items():
+        scene_keys.write(scene, key, value if isinstance(value, list) else [value])
+    return uvms_gym.load_scene(scene | {"provenance": {}})
+
+
 # Keys
 
 
@@ -132,7 +140,6 @@ FREE = ["vehicle.body.center_of_buoyancy", "vehicle.body.rotational_inertia[0:2]
 def synthetic() -> tuple[dict[str, Any], dict[str, float], list[Any]]:
     """Scene to start from, true values, and logs of a true scene that differs from it."""
     scene = uvms_gym.load_scene(SCENE)
-    truth = copy.deepcopy(scene)
     values = {
         "vehicle.body.center_of_buoyancy[0]": 0.0155,
         "vehicle.body.center_of_buoyancy[1]": -0.006,
@@ -142,10 +149,7 @@ def synthetic() -> tuple[dict[str, Any], dict[str, float], list[Any]]:
         "vehicle.body.damping.linear[3]": 0.45,
         "vehicle.body.damping.linear[4]": 0.21,
     }
-    for key, value in values.items():
-        scene_keys.write(truth, key, [value])
-    truth = uvms_gym.load_scene(truth | {"provenance": {}})
-    return scene, values, logs_of(truth, 8, sensors=Sensors(joint_lag=0.0))
+    return scene, values, logs_of(changed(scene, values), 8, sensors=Sensors(joint_lag=0.0))
 
 
 def test_fit_returns_true_values_within_its_intervals(synthetic: Any) -> None:
@@ -224,17 +228,14 @@ def test_driven_vehicle_gives_back_drag_added_mass_and_lag() -> None:
     for thruster in scene["vehicle"]["thrusters"]:
         thruster |= {"map": "t200", "lag": 0.15}
     scene = uvms_gym.load_scene(scene)
-    truth = copy.deepcopy(scene)
     values = {
         "vehicle.body.damping.quadratic[0]": 25.0,
         "vehicle.body.damping.quadratic[5]": 1.1,
         "vehicle.body.added_mass[0]": 8.0,
         "vehicle.body.added_mass[2]": 11.0,
     }
-    for key, value in values.items():
-        scene_keys.write(truth, key, [value])
-    scene_keys.write(truth, "vehicle.thrusters.lag", [0.2] * 8)
-    logs = logs_of(uvms_gym.load_scene(truth | {"provenance": {}}), 3, 10.0, driven=True, current=0.15)
+    truth = changed(scene, values | {"vehicle.thrusters.lag": [0.2] * 8})
+    logs = logs_of(truth, 3, 10.0, driven=True, current=0.15)
     found = identification.fit(scene, logs, [*values, "vehicle.thrusters.lag"], period=0.05)
     for key, value in (values | {"vehicle.thrusters.lag": 0.2}).items():
         assert abs(found.values[key] / value - 1.0) < 0.06, (key, found.values[key])

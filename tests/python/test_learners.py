@@ -48,6 +48,12 @@ def settings(algo: str, env: str = ENV, **options: Any) -> Settings:
     return Settings(env, found, {"max_episode_steps": 12}, algo=algo, **{"eval_episodes": 4, "seed": 3} | options)
 
 
+def train_in(folder: Path, chosen: Settings, **options: Any) -> Any:
+    """Outcome of a training in a folder of its own."""
+    folder.mkdir(exist_ok=True)
+    return train(chosen, folder, **options)
+
+
 def weights(path: Path) -> bytes:
     data = path.read_bytes()
     return data[8 + int.from_bytes(data[:8], "little") :]
@@ -224,14 +230,11 @@ def test_ppo_improves_a_policy(tmp_path: Path) -> None:
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_run_that_was_stopped_ends_as_if_it_had_not(algo: str, tmp_path: Path) -> None:
     chosen = settings(algo, eval_freq=96, save_freq=192)
-    folders = [tmp_path / name for name in ("whole", "parts", "saved")]
-    for folder in folders:
-        folder.mkdir()
-    whole, parts, saved = folders
-    outcome = train(chosen, whole)
+    whole, parts, saved = (tmp_path / name for name in ("whole", "parts", "saved"))
+    outcome = train_in(whole, chosen)
     assert outcome.finished and outcome.steps == 384
     assert [entry["steps"] for entry in json.loads((whole / CURVE).read_text())] == [0, 96, 192, 288, 384]
-    stopped = train(chosen, parts, tick=lambda steps: signal.raise_signal(signal.SIGINT))
+    stopped = train_in(parts, chosen, tick=lambda steps: signal.raise_signal(signal.SIGINT))
     assert (stopped.finished, stopped.steps, stopped.checkpoint.name) == (False, 96, "rl_model_96_steps.zip")
     assert weights(stopped.policy) != weights(outcome.policy)
     again = train(chosen, parts, agent=latest_checkpoint(parts))
@@ -239,7 +242,7 @@ def test_a_run_that_was_stopped_ends_as_if_it_had_not(algo: str, tmp_path: Path)
     curves = [json.loads((folder / CURVE).read_text()) for folder in (whole, parts)]
     for one, other in zip(*curves, strict=True):
         assert {**one, "seconds": 0} == {**other, "seconds": 0}
-    train(chosen, saved, agent=whole / "rl_model_192_steps.zip")
+    train_in(saved, chosen, agent=whole / "rl_model_192_steps.zip")
     assert weights(whole / POLICY) == weights(parts / POLICY) == weights(saved / POLICY)
     with pytest.raises(ValueError, match="has taken its 384 steps"):
         train(chosen, whole, agent=outcome.checkpoint)
@@ -247,20 +250,15 @@ def test_a_run_that_was_stopped_ends_as_if_it_had_not(algo: str, tmp_path: Path)
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_seeds_decide(algo: str, tmp_path: Path) -> None:
-    paths = []
-    for i, seed in enumerate((0, 0, 1)):
-        (tmp_path / str(i)).mkdir()
-        paths.append(
-            weights(train(settings(algo, TRACK if algo in GENERAL else ENV, seed=seed), tmp_path / str(i)).policy)
-        )
-    assert paths[0] == paths[1] != paths[2]
+    env = TRACK if algo in GENERAL else ENV
+    runs = [train_in(tmp_path / str(i), settings(algo, env, seed=seed)) for i, seed in enumerate((0, 0, 1))]
+    one, again, other = (weights(run.policy) for run in runs)
+    assert one == again != other
 
 
 def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp_path: Path) -> None:
-    for name in ("distilled", "improved"):
-        (tmp_path / name).mkdir()
     distilled = settings("distill")
-    outcome = train(distilled, tmp_path / "distilled")
+    outcome = train_in(tmp_path / "distilled", distilled)
     learner = make_learner(distilled)
     load(learner, outcome.checkpoint)
     episodes, _ = learner.collect(learner.actor, 7, 12)
@@ -275,7 +273,7 @@ def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp
     np.testing.assert_allclose(
         begun.actor(episodes.inputs).detach(), learner.actor(episodes.inputs).detach(), atol=2e-6
     )
-    train(settings("asymmetric-ppo", start=str(outcome.policy)), tmp_path / "improved")
+    train_in(tmp_path / "improved", settings("asymmetric-ppo", start=str(outcome.policy)))
     assert MLP.load(tmp_path / "improved" / POLICY).notes["start"] == POLICY
     for wrong, message in (({"net_arch": [9]}, "sizes"), ({"frame_stack": 3}, "frame_stack is 2, but must be 3")):
         with pytest.raises(ValueError, match=message):
