@@ -1,13 +1,13 @@
 """Shared by the tests."""
 
 import copy
+import importlib.util
 import itertools
 import socket
 import sys
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -19,7 +19,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
 from uvms_gym.controllers import NoControl
-from uvms_gym.envs import TaskOptions
 
 PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration", "thrust")
 
@@ -146,35 +145,51 @@ def same(a: Any, b: Any) -> bool:
     return type(a) is type(b) and a == b
 
 
-def assert_parity(envs: Any, single: Any, steps: int) -> None:
+def assert_apart(arrays: list[np.ndarray]) -> None:
+    """No two of these contiguous arrays share memory."""
+    assert all(array.flags.forc for array in arrays)
+    spans = sorted((array.ctypes.data, array.ctypes.data + array.nbytes) for array in arrays)
+    assert all(end <= start for (_, end), (start, _) in itertools.pairwise(spans))
+
+
+def arrays_of(result: tuple[Any, ...]) -> list[np.ndarray]:
+    """Arrays of a result of `reset` or `step`, with the ones in its infos."""
+    return [value for value in [*result[:-1], *result[-1].values()] if isinstance(value, np.ndarray)]
+
+
+def assert_parity(
+    envs: Any,
+    single: Callable[[], Any],
+    steps: int,
+    reset: Callable[[int, Any, Any], None] = lambda step, envs, sync: None,
+    maximum: float = 1.0,
+) -> None:
     """Check that `envs` gives the numbers of a SyncVectorEnv of what `single` makes, bit for bit, in arrays of its own.
 
-    Actions are random, and episodes have to end within `steps`.
+    Actions are random up to `maximum`, `reset` may reset both before a step, and episodes have to end within `steps`.
     """
     mode = envs.metadata["autoreset_mode"]
     sync = SyncVectorEnv([single] * envs.num_envs, autoreset_mode=mode)
-    assert envs.single_observation_space == sync.single_observation_space
-    assert envs.single_action_space == sync.single_action_space
-    envs.action_space.seed(0)
+    assert envs.observation_space == sync.observation_space
+    assert envs.action_space == sync.action_space
     got, expected = envs.reset(seed=3), sync.reset(seed=3)
-    earlier = [got[0]]
     assert same(got, expected)
-    ends = 0
+    results, ends = [got], 0
     for step in range(steps):
-        actions = envs.action_space.sample()
+        reset(step, envs, sync)
+        actions = other_than(step, envs, maximum)
         got, expected = envs.step(actions), sync.step(actions)
         assert same(got, expected), step
         assert envs.observation_space.contains(got[0])
-        arrays = [*got[:4], *(value for value in got[4].values() if isinstance(value, np.ndarray))]
-        assert not any(np.shares_memory(a, b) for a in arrays for b in earlier)
-        earlier += arrays
+        results.append(got)
         over = got[2] | got[3]
         ends += over.any()
         if mode is AutoresetMode.DISABLED and over.any():
             options = {"reset_mask": over}
             assert same(envs.reset(options=options), sync.reset(options={"reset_mask": over.copy()}))
             assert options["reset_mask"] is over
-    assert ends > 0
+    assert ends > 1
+    assert_apart([array for result in results for array in arrays_of(result)])
     for _ in range(2):
         envs.close()
     sync.close()
@@ -235,6 +250,12 @@ def small(task: str) -> str:
     return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL
 
 
+def make(task: str, n: int | None = None, **kwargs: Any) -> Any:
+    """Environment with Gymnasium's wrappers, or a vector of `n`, of a cheap scene."""
+    kwargs = {"scene": small(task), **kwargs}
+    return gymnasium.make(task, **kwargs) if n is None else gymnasium.make_vec(task, n, **kwargs)
+
+
 def idle(env: Any) -> np.ndarray:
     """Actions of 0."""
     return np.zeros(env.action_space.shape, dtype=np.float32)
@@ -250,26 +271,27 @@ def scenes_with_thrusters() -> list[str]:
     return [name for name in uvms_gym.scene_names() if Simulator(name).num_thrusters >= 6]
 
 
+def run(env: Any, controller: Any, steps: int, seed: int | list[int] = 0) -> uvms_gym.rollouts.RolloutStats:
+    """Statistics of a rollout from a fresh start."""
+    env.reset(seed=seed)
+    rollout = uvms_gym.Rollout(env, controller)
+    rollout.run(steps)
+    return rollout.pop_stats()
+
+
 def choices(task: str, option: str) -> list[str]:
     """Names that an option of a task may have, by its annotation; [] if there is no such option."""
-    annotation = get_type_hints(options_class(task)).get(option)
+    annotation = get_type_hints(type(gymnasium.make(task).unwrapped.options)).get(option)  # type: ignore[attr-defined]
     parts = [annotation, *get_args(annotation)]
     return [name for part in parts if get_origin(part) is Literal for name in get_args(part)]
 
 
-def options_class(task: str) -> type[TaskOptions]:
-    """Class of the options of a task's environments."""
-    return type(gymnasium.make(task).unwrapped).options_class  # type: ignore[attr-defined,no-any-return]
-
-
-def disturbances(task: str) -> list[str]:
-    """Names of the disturbances that the task's environments take."""
-    return list(uvms_gym.disturbance_levels()) if "disturbance" in option_names(options_class(task)) else []
-
-
-def option_names(options: type[TaskOptions]) -> list[str]:
-    """Names of the fields of options."""
-    return [field.name for field in fields(options)]
+def module_of(file: Path) -> types.ModuleType:
+    """Module of a file; specs of environments name it by module."""
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    module = sys.modules[file.stem] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def free_port() -> int:

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from helpers import run
 from numpy.typing import NDArray
 
-import uvms_gym
 from uvms_gym.controllers import DOB, AdaptiveDOB, AdaptiveResolvedMotion, ResolvedMotion
 from uvms_gym.envs import EETrackVectorEnv, StationKeepVectorEnv
 
@@ -165,10 +165,7 @@ def test_it_errs_less_than_one_model_on_vehicles_known_poorly() -> None:
     env = make(TRACK, 32, "storm-wide", max_episode_steps=120)
 
     def error(controller: Any) -> float:
-        env.reset(seed=11)
-        rollout = uvms_gym.Rollout(env, controller)
-        rollout.run(120)
-        stats = rollout.pop_stats()
+        stats = run(env, controller, 120, seed=11)
         squares = stats.squares["position_error"] + stats.squares["attitude_error"] / 4
         return float(np.median(np.sqrt(squares / stats.steps)))
 

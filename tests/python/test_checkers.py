@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from helpers import choices, disturbances, scenes_with_thrusters, small, task_ids
+from helpers import choices, scenes_with_thrusters, small, task_ids
 
 import uvms_gym
 
@@ -18,7 +18,7 @@ def cases():
         for scene in scenes_with_thrusters():
             for action in choices(task, "action"):
                 yield task, {"scene": scene, "action": action}
-        for disturbance in disturbances(task):
+        for disturbance in uvms_gym.disturbance_levels():
             yield task, {"scene": small(task), "disturbance": disturbance}
 
 

@@ -3,10 +3,10 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from helpers import assert_parity
+from helpers import assert_parity, run
 
 import uvms_gym
-from uvms_gym import DockPD, Rollout
+from uvms_gym import DockPD
 from uvms_gym.envs import DockEnv, DockVectorEnv
 
 ENV = "UVMS-Dock-v0"
@@ -89,10 +89,7 @@ def test_joints_stay_at_home_unless_the_arm_moves():
 def dockings(scene, episodes=64, steps=400, **options):
     """Final metrics of episodes under the classical controller."""
     envs = DockVectorEnv(episodes, scene=scene, **options)
-    envs.reset(seed=100)
-    rollout = Rollout(envs, DockPD(envs))
-    rollout.run(steps)
-    stats = rollout.pop_stats()
+    stats = run(envs, DockPD(envs), steps, seed=100)
     assert not stats.terminated.any()
     return stats.last
 
@@ -136,10 +133,7 @@ def test_metrics_keep_their_laws_under_the_controller():
 
 def test_success_ends_the_episode_on_request():
     envs = DockVectorEnv(8, scene=BARE, terminate_on_success=True, **CALM)
-    envs.reset(seed=1)
-    rollout = Rollout(envs, DockPD(envs))
-    rollout.run(400)
-    stats = rollout.pop_stats()
+    stats = run(envs, DockPD(envs), 400, seed=1)
     ended = stats.terminated
     assert ended.any()
     np.testing.assert_array_equal(stats.last["success"] == 1.0, ended)

@@ -7,7 +7,6 @@ import math
 import re
 import shlex
 import shutil
-import sys
 import warnings
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from helpers import fake_moviepy, free_port
+from helpers import fake_moviepy, free_port, module_of
 
 import uvms_gym
 from uvms_gym.cli import main
@@ -186,11 +185,7 @@ def test_other_commands_would_show() -> None:
 
 
 def example(name: str) -> ModuleType:
-    """Module of an example."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "examples" / f"{name}.py")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(ROOT / "docs" / "examples" / f"{name}.py")
 
 
 def test_every_example_is_run_and_shown() -> None:

@@ -6,6 +6,7 @@ import re
 import gymnasium as gym
 import numpy as np
 import pytest
+from helpers import run
 
 import uvms_gym
 from uvms_gym.envs import EETrackEnv, EETrackVectorEnv, StationKeepEnv
@@ -184,10 +185,7 @@ def test_memory_of_resolved_motion_is_each_instances_own(scene, gains):
     again = pickle.loads(pickle.dumps(controller))
     np.testing.assert_equal(again.gains, controller.gains)
     np.testing.assert_equal(controller.gains, {**uvms_gym.ResolvedMotion(env).gains, **gains})
-    env.reset(seed=list(range(5)))
-    rollout = uvms_gym.Rollout(env, controller)
-    rollout.run(15)
-    returns = rollout.pop_stats().returns
+    returns = run(env, controller, 15, seed=list(range(5))).returns
     few = make(2)
     observations, _ = few.reset(seed=[0, 1])
     total, state = np.zeros(2), None
@@ -202,10 +200,7 @@ def test_observer_and_prediction_track_better_in_a_storm():
     env = gym.make_vec(STORM, num_envs=16, max_episode_steps=100)
 
     def errors(gains):
-        env.reset(seed=list(range(16)))
-        rollout = uvms_gym.Rollout(env, uvms_gym.ResolvedMotion(env, **gains))
-        rollout.run(100)
-        stats = rollout.pop_stats()
+        stats = run(env, uvms_gym.ResolvedMotion(env, **gains), 100)
         assert not stats.terminated.any()
         return np.sqrt(((stats.squares["position_error"] + stats.squares["attitude_error"] / 4) / stats.steps).mean())
 

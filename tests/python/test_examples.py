@@ -1,7 +1,5 @@
 """The examples do what they say."""
 
-import importlib.util
-import sys
 import warnings
 from pathlib import Path
 
@@ -9,16 +7,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from helpers import assert_parity, same, small, task_ids
+from helpers import assert_parity, module_of, same, small, task_ids
 
 import uvms_gym
 
-FILE = Path(__file__).parents[2] / "training" / "own_task.py"
-spec = importlib.util.spec_from_file_location("own_task", FILE)
-own_task = importlib.util.module_from_spec(spec)
-# Its spec names it by module.
-sys.modules["own_task"] = own_task
-spec.loader.exec_module(own_task)
+own_task = module_of(Path(__file__).parents[2] / "training" / "own_task.py")
 
 # Random torques hurl an arm about.
 pytestmark = [
