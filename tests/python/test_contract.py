@@ -94,20 +94,10 @@ def test_episodes_are_truncated_by_their_own_limit(task, n):
         assert not any(np.any(env.step(idle(env))[3]) for _ in range(420))
 
 
-def spoiled(index, value):
-    """Actions with one number replaced."""
-
-    def spoil(actions):
-        actions.flat[index] = value
-        return actions
-
-    return spoil
-
-
 BAD = {
-    "nan": spoiled(0, np.nan),
-    "last nan": spoiled(-1, np.nan),
-    "inf": spoiled(-1, np.inf),
+    "nan": lambda a: np.append(np.nan, a.flat[1:]).reshape(a.shape),
+    "last nan": lambda a: np.append(a.flat[:-1], np.nan).reshape(a.shape),
+    "inf": lambda a: np.append(a.flat[:-1], np.inf).reshape(a.shape),
     "all inf": lambda a: a + np.inf,
     "-inf": lambda a: a - np.inf,
     "masked": lambda a: np.ma.array(a, mask=a == a),

@@ -152,8 +152,6 @@ def test_a_drawn_delay_is_one_age_per_episode():
     assert np.bincount(ages, minlength=4) / n == pytest.approx([1 / 6, 1 / 3, 1 / 3, 1 / 6], abs=0.06)
     with pytest.raises(ValueError, match="delay: 1 control periods, but the environment was made with 0 to 3"):
         late.reset(options={"disturbance": {"delay": period}})
-    with pytest.raises(ValueError, match=r"delay.time: \[0.2, 0.1\] is no range"):
-        StationKeepVectorEnv(1, scene=SMALL, disturbance={"delay": [0.2, 0.1]})
 
 
 def test_noise_is_in_observations_alone():
@@ -168,6 +166,16 @@ def test_noise_is_in_observations_alone():
         errors.append((seen - true)[:3] * 0.1)
     assert np.std(errors) == pytest.approx(0.01, rel=0.1)
     assert np.abs(np.mean(errors, axis=0)).max() < 0.003
+
+
+def test_gains_weaken_thrusters():
+    env = StationKeepEnv(scene=SMALL, disturbance={"thrusters": {"gains": [0.5] * 8, "time": 0}})
+    weak = StationKeepEnv(scene=SMALL, disturbance="calm", randomize={"thrust": [0.5, 0.5]})
+    env.reset(seed=1)
+    weak.reset(seed=1)
+    a, b = play(env, 40), play(weak, 40)
+    # The last column is the gain.
+    np.testing.assert_allclose(a[:, :-1], b[:, :-1], rtol=1e-5, atol=1e-6)
 
 
 def test_parameters_are_drawn_per_episode():
@@ -250,6 +258,7 @@ def test_specs_carry_disturbances():
         ({"disturbance": {"waves": {"trains": 4}}}, "waves.trains.*3"),
         ({"disturbance": {"waves": {"height": 5, "period": 2}}}, "waves.height.*0.88"),
         ({"disturbance": {"delay": 1000}}, "delay.*100"),
+        ({"disturbance": {"delay": [0.2, 0.1]}}, r"delay.time: \[0.2, 0.1\] is no range"),
         ({"disturbance": {"parameters": {"mass": [0, 1]}}}, "parameters.mass.*0.1"),
         ({"disturbance": {"parameters": "much"}}, "parameters.*ranges"),
         ({"disturbance": {"gust": {"speed": float("nan")}}}, "disturbance"),
@@ -311,7 +320,7 @@ def test_command_draws_what_it_lists(tmp_path, capsys):
     assert "payload" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("dynamics", [{}, {"map": "t200"}, {"dead_band": 4.0}, {"lag": 0.01}, {"ambient_flow": 0.1}])
+@pytest.mark.parametrize("dynamics", [{"map": "t200"}, {"dead_band": 4.0}, {"lag": 0.01}, {"ambient_flow": 0.1}])
 def test_what_is_lost_is_thrust_not_command(dynamics: dict[str, Any]) -> None:
     """Whatever a thruster makes of a command, gains weaken what comes out of it."""
     scene = uvms_gym.load_scene("bluerov2-heavy")

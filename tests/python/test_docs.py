@@ -7,7 +7,6 @@ import math
 import re
 import shlex
 import shutil
-import warnings
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -220,14 +219,13 @@ def test_the_regulator_is_stable_and_holds_closer_than_the_pd() -> None:
     assert errors["LQR"] < 0.5 * errors["PD"]
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_a_data_set_is_read_as_it_was_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("minari")
     pytest.importorskip("h5py")
     pytest.importorskip("jax")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        data = example("minari_dataset").main(episodes=2, max_episode_steps=10)
+    data = example("minari_dataset").main(episodes=2, max_episode_steps=10)
     assert (data.total_episodes, data.total_steps) == (2, 20)
     episode = next(data.iterate_episodes([0]))
     assert episode.observations.shape == (11, 44)
@@ -266,26 +264,24 @@ def test_thrusts_by_torch_stop_the_vehicle() -> None:
 
 
 @pytest.mark.learning
+@pytest.mark.filterwarnings("ignore")
 def test_skrl_trains(tmp_path: Path) -> None:
     pytest.importorskip("skrl")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        assert example("skrl_ppo").main(frames=256, num_envs=8, folder=str(tmp_path)) is not None
+    assert example("skrl_ppo").main(frames=256, num_envs=8, folder=str(tmp_path)) is not None
 
 
 @pytest.mark.learning
+@pytest.mark.filterwarnings("ignore")
 def test_rsl_rl_trains_and_tells_time_limits_apart() -> None:
     pytest.importorskip("rsl_rl")
     torch = pytest.importorskip("torch")
     import gymnasium
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        rsl = example("rsl_rl_ppo")
-        rsl.main(frames=256, num_envs=8)
-        env = rsl.RslRlVecEnv(
-            gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=2, autoreset_mode="SameStep", max_episode_steps=3)
-        )
+    rsl = example("rsl_rl_ppo")
+    rsl.main(frames=256, num_envs=8)
+    env = rsl.RslRlVecEnv(
+        gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=2, autoreset_mode="SameStep", max_episode_steps=3)
+    )
     for step in range(3):
         _, _, dones, extras = env.step(torch.zeros(2, 6))
         assert dones.tolist() == extras["time_outs"].tolist() == [step == 2] * 2
