@@ -31,23 +31,19 @@ def run_all(cases: Sequence[Case]) -> list[Run]:
 
 def as_data(cases: Sequence[Case], runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Cases, references and runs as dictionaries."""
-    rows = []
-    for case in cases:
-        reference = case.reference()
-        rows.append(
-            {
-                "case": case.name,
-                "description": case.description,
-                "reference": reference.source,
-                "uncertainty": reference.uncertainty,
-                "reason": case.reason,
-                "runs": [
-                    {"integrator": run.method}
-                    | {name: getattr(run, name) for name in RUN_DATA}
-                    | {"warnings": run.warnings[:1]}
-                    for run in runs
-                    if run.case == case.name
-                ],
-            }
-        )
-    return rows
+
+    def described(run: Run) -> dict[str, Any]:
+        named = {name: getattr(run, name) for name in RUN_DATA}
+        return {"integrator": run.method, **named, "warnings": run.warnings[:1]}
+
+    return [
+        {
+            "case": case.name,
+            "description": case.description,
+            "reference": case.reference().source,
+            "uncertainty": case.reference().uncertainty,
+            "reason": case.reason,
+            "runs": [described(run) for run in runs if run.case == case.name],
+        }
+        for case in cases
+    ]

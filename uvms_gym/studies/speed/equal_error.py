@@ -13,8 +13,8 @@ from uvms_gym.studies.numerics import Floats, loglog_interpolation
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.speed.physics import DT, THRUST
 
-#: Initial states, constant thrusts (N, m) and joint targets (n,).
-Motions = tuple[list[dict[str, Floats]], Floats, Floats]
+#: Initial twists (N, 6), constant thrusts (N, m) and joint targets (n,).
+Motions = tuple[Floats, Floats, Floats]
 
 #: Motions and their duration, s: vehicle with a random initial twist, constant thrusts, arm at home by its servos.
 MOTIONS, TIME = 8, 1.0
@@ -72,26 +72,16 @@ def equal_step(steps: tuple[float, ...], errors: list[float], error: float) -> d
 def _motions(scene: dict[str, Any], seed: int) -> Motions:
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene)
-    home = simulator.q[0]
     low, high = simulator.thruster_limits.T
-    states = [
-        {
-            "position": np.zeros(3),
-            "rotation": np.eye(3),
-            "twist": np.concatenate([rng.uniform(-SPEED, SPEED, 3), rng.uniform(-SPIN, SPIN, 3)]),
-            "q": home,
-            "qd": np.zeros_like(home),
-        }
-        for _ in range(MOTIONS)
-    ]
-    return states, THRUST * rng.uniform(low, high, (MOTIONS, len(low))), home
+    twists = rng.uniform(-1.0, 1.0, (MOTIONS, 6)) * np.repeat([SPEED, SPIN], 3)
+    return twists, THRUST * rng.uniform(low, high, (MOTIONS, len(low))), simulator.q[0]
 
 
 def _by_us(scene: dict[str, Any], motions: Motions, step: float, dtype: str = "float64") -> Floats:
     """Final positions (N, 3) of the vehicles by MK4."""
-    states, thrust, home = motions
+    twists, thrust, home = motions
     simulator = Simulator(scene, MOTIONS, dt=step, dtype=dtype)
-    simulator.set_state(**{name: np.array([state[name] for state in states]) for name in states[0]})
+    simulator.set_state(twist=twists)
     inputs = {"thrust": thrust} if thrust.size else {}
     if home.size:
         inputs["joint_target"] = np.tile(home, (MOTIONS, 1))
@@ -103,13 +93,12 @@ def _by_mujoco(scene: dict[str, Any], motions: Motions, integrator: str, step: f
     """Final positions (N, 3) of the vehicles by MuJoCo."""
     from uvms_gym.studies.speed import mujoco_model
 
-    states, thrust, home = motions
+    twists, thrust, home = motions
     total = round(TIME / step)
     steps = min(total, CHUNK)
     model = mujoco_model.build(scene, integrator, step)
     rolling = mujoco_model.Rolling(model, scene, n=MOTIONS, steps=steps)
-    for row, state in zip(rolling.start, states, strict=True):
-        rolling.put(row, state)
+    rolling.begin(twists, home)
     rolling.command(thrust, home)
     for _ in range(total // steps):
         rolling.step()

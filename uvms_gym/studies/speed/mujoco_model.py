@@ -154,21 +154,20 @@ class Rolling(Case):
         self.sensors = np.zeros((n, steps, model.nsensordata))
         links = chain(scene)[1:]
         home = np.array([link.joint.get("home", 0.0) if link.joint else 0.0 for link in links])
-        twist = TWIST * rng.normal(size=(n, 6))
-        for row, speed in zip(self.start, twist, strict=True):
-            state = {"position": np.zeros(3), "rotation": np.eye(3), "twist": speed, "q": home, "qd": 0.0 * home}
-            self.put(row, state)
+        self.begin(TWIST * rng.normal(size=(n, 6)), home)
         limits = [thruster["limits"] for thruster in scene["vehicle"].get("thrusters", ())]
         low, high = np.array(limits, dtype=float).reshape(-1, 2).T
         self.controls = np.zeros((n, steps, model.nu))
         if model.nu:
             self.command(THRUST * rng.uniform(low, high, (n, len(limits))), home)
 
-    def put(self, row: Floats, state: dict[str, Floats]) -> None:
-        """Write a state (arguments of `Simulator.set_state`) into a row of starts: [time, positions, velocities]."""
-        positions, velocities = coordinates(state)
-        row[:] = 0.0
-        row[1 : 1 + len(positions) + len(velocities)] = np.concatenate([positions, velocities])
+    def begin(self, twist: Floats, home: Floats) -> None:
+        """Start vehicles at the origin with twists (n, 6), joints at rest at home (joints,)."""
+        for row, speed in zip(self.start, twist, strict=True):
+            state = {"position": np.zeros(3), "rotation": np.eye(3), "twist": speed, "q": home, "qd": 0.0 * home}
+            # Time, positions, velocities.
+            found = np.concatenate([np.zeros(1), *coordinates(state)])
+            row[: len(found)] = found
 
     def command(self, thrust: Floats, target: Floats) -> None:
         """Set constant thrusts (n, m) and joint targets (n,) or (n, joints): thrusters come first."""
