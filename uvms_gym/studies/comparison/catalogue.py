@@ -68,13 +68,14 @@ def stored(chosen: Iterable[str], place: Path) -> list[Stored]:
 def _stored(name: str, place: Path, base: str) -> Stored:
     metrics = _results(PRETRAINED / place / "results.json").get(name, {})
     if is_learned(name):
-        notes = [MLP.load(file, residual=True).notes for file in policies_at(place).get(name, {}).values()][:1]
-        origin = [_origin(one.get("environment"), one.get("env_kwargs", "{}")) for one in notes]
-        prices = [json.loads(one.get("env_kwargs", "{}")).get("reward", {}) for one in notes]
-        costs = ", ".join(
-            f"{key} {prices[0][key]:g}" for key in ("effort", "action_rate") if prices and key in prices[0]
-        )
-        return Stored(name, origin[0] if origin else "", costs, {}, metrics)
+        files = policies_at(place).get(name, {}).values()
+        if not files:
+            return Stored(name, "", "", {}, metrics)
+        notes = MLP.load(next(iter(files)), residual=True).notes
+        env, arguments = notes.get("environment"), notes.get("env_kwargs", "{}")
+        prices = json.loads(arguments).get("reward", {})
+        costs = ", ".join(f"{key} {prices[key]:g}" for key in ("effort", "action_rate") if key in prices)
+        return Stored(name, _origin(env, arguments), costs, {}, metrics)
     if (entry := tuned_at(name, place)) is None:
         return Stored(name, "default gains", "", {}, metrics)
     limits = {} if name == base else CONTROLLERS[name].setting.limits._asdict()

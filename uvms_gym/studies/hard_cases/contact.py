@@ -73,74 +73,72 @@ def _end_stop() -> Case:
     )
 
 
-# Chatter of a dead-band: BlueROV2 Heavy, 2 N buoyant, under a sampled PD with commands around the dead-band's edge.
-# The command jumps at control instants only; the reference has the same control period.
-DEAD_BAND = (-2.4, 2.7)  # T200: PWM 1470 to 1530
-CONTROL_PERIOD, CHATTER_COUNT = 0.1, 200
-CHATTER_START = np.array([0.3, -0.2, 0.1])
+def _chatter_cases() -> tuple[Case, Case]:
+    """Chatter of a dead-band: BlueROV2 Heavy, 2 N buoyant, under a sampled PD with commands around the edge.
+
+    The command jumps at control instants only; the reference has the same control period. The second case has the
+    commands of a fine run: all that integration does.
+    """
+    low, high = -2.4, 2.7  # T200: PWM 1470 to 1530
+    period, count = 0.1, 200
+
+    def run(runner: CaseRunner, commands: Floats | None = None) -> tuple[Quantities, Floats]:
+        """Motion and commands (k, 8), N, under the sampled PD, or under given commands."""
+        scene = load_scene("bluerov2-heavy")
+        s = runner.simulator(scene | {"name": "hard case dead-band", "provenance": {}})
+        kp, kd = (np.array(scene["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
+        s.set_state(position=[0.3, -0.2, 0.1])
+        rows = []
+        for k in range(count):
+            if commands is None:
+                rotation = s.rotation[0]
+                skew = rotation - rotation.T
+                tilt = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+                wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
+                command = np.where((wanted < low) | (wanted > high), wanted, 0.0)
+            else:
+                command = commands[k]
+            runner.advance(s, period, thrust=command)
+            rows.append((s.position[0], s.rotation[0], s.twist[0], command))
+        position, attitude, twist, given = (np.array(part) for part in zip(*rows, strict=True))
+        return {"position": position, "attitude": attitude, "twist": twist}, given
+
+    def run_counted(runner: CaseRunner) -> Quantities:
+        values, commands = run(runner)
+        switches = np.abs(np.diff((commands != 0.0).astype(np.float64), axis=0)).sum()
+        return values | {"switchings": np.array([[switches]])}
+
+    @cache
+    def recorded() -> Floats:
+        return run(CaseRunner(MK4, "float64", 0.002))[1]
+
+    def run_recorded(runner: CaseRunner) -> Quantities:
+        return run(runner, recorded())[0]
+
+    steps = {4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005}
+    chatter = Case(
+        "thruster dead-band chatter",
+        "BlueROV2 Heavy under a sampled PD with a dead-band, 20 s: pose, twist and number of switchings",
+        run_counted,
+        cache(lambda: converged(run_counted, 0.002, "with the same control period")),
+        steps,
+        period,
+        coarsest=0.025,
+        reason="a decision outside of the simulator: beyond 0.025 s a command near the edge of its dead-band may "
+        "switch one control period earlier, and the motion is another from there on, as in chaos; the next case has "
+        "recorded commands",
+    )
+    return chatter, Case(
+        "commands that chatter",
+        "the same 20 s under the recorded commands, up to 19 switchings a second: pose and twist",
+        run_recorded,
+        cache(lambda: converged(run_recorded, 0.002, "under the same commands")),
+        steps,
+        period,
+    )
 
 
-def _chatter(runner: CaseRunner, commands: Floats | None = None) -> tuple[Quantities, Floats]:
-    """Motion and commands (k, 8), N, under the sampled PD, or under given commands."""
-    scene = load_scene("bluerov2-heavy")
-    s = runner.simulator(scene | {"name": "hard case dead-band", "provenance": {}})
-    kp, kd = (np.array(scene["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
-    s.set_state(position=CHATTER_START)
-    rows, given = [], []
-    for k in range(CHATTER_COUNT):
-        if commands is None:
-            rotation = s.rotation[0]
-            skew = rotation - rotation.T
-            tilt = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-            wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
-            command = np.where((wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1]), wanted, 0.0)
-        else:
-            command = commands[k]
-        runner.advance(s, CONTROL_PERIOD, thrust=command)
-        rows.append((s.position[0], s.rotation[0], s.twist[0]))
-        given.append(command)
-    position, attitude, twist = (np.array(part) for part in zip(*rows, strict=True))
-    return {"position": position, "attitude": attitude, "twist": twist}, np.array(given)
-
-
-def _run_chatter(runner: CaseRunner) -> Quantities:
-    values, commands = _chatter(runner)
-    switches = np.abs(np.diff((commands != 0.0).astype(np.float64), axis=0)).sum()
-    return values | {"switchings": np.array([[switches]])}
-
-
-CHATTER = Case(
-    name="thruster dead-band chatter",
-    description="BlueROV2 Heavy under a sampled PD with a dead-band, 20 s: pose, twist and number of switchings",
-    run=_run_chatter,
-    reference=cache(lambda: converged(_run_chatter, 0.002, "with the same control period")),
-    steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
-    interval=CONTROL_PERIOD,
-    coarsest=0.025,
-    reason="a decision outside of the simulator: beyond 0.025 s a command near the edge of its dead-band may switch "
-    "one control period earlier, and the motion is another from there on, as in chaos; the next case has recorded "
-    "commands",
-)
-
-
-# The same under the commands of a fine run: all that integration does.
-@cache
-def _chatter_commands() -> Floats:
-    return _chatter(CaseRunner(MK4, "float64", 0.002))[1]
-
-
-def _run_switching(runner: CaseRunner) -> Quantities:
-    return _chatter(runner, _chatter_commands())[0]
-
-
-SWITCHING = Case(
-    name="commands that chatter",
-    description="the same 20 s under the recorded commands, up to 19 switchings a second: pose and twist",
-    run=_run_switching,
-    reference=cache(lambda: converged(_run_switching, 0.002, "under the same commands")),
-    steps=CHATTER.steps,
-    interval=CONTROL_PERIOD,
-)
+CHATTER, SWITCHING = _chatter_cases()
 
 
 # A payload grasped and released by PETASUS-PUM in motion. Grasping is an inelastic impulse: with A_p the payload's
