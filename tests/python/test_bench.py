@@ -254,8 +254,8 @@ def test_val_a_rollout_is_the_motion_of_its_inputs() -> None:
     from uvms_gym.studies.speed import mujoco_model
 
     scene = load_scene("petasus-pum")
-    model = mujoco_model.build(scene)
-    rolling = mujoco_model.Rolling(model, scene, n=2, steps=3, seed=1)
+    rolling = mujoco_model.Rolling(scene, n=2, steps=3, seed=1)
+    model = rolling.models[0]
     start, controls = rolling.start.copy(), rolling.controls
     assert (controls[:, :, 6:] == [0.0, 0.3, 0.6, 0.4, 0.0]).all()
     assert len(np.unique(controls[:, 0, :6])) == 12

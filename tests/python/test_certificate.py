@@ -12,6 +12,7 @@ import pytest
 import uvms_gym
 from uvms_gym._task.base import TaskBase
 from uvms_gym.cli import main
+from uvms_gym.controllers import registry
 from uvms_gym.studies.accuracy import certificate, episodes
 from uvms_gym.studies.accuracy.certificate import CHECK, LIMITS, REFERENCE
 from uvms_gym.studies.accuracy.episodes import Case, Configuration, Recording
@@ -27,7 +28,8 @@ def mk(step: float, order: int = 4) -> Configuration:
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Episodes of 2 s."""
+    """Episodes of 2 s, with the package's policies, wherever the tests run."""
+    monkeypatch.setattr(registry, "FOLDERS", [registry.PRETRAINED])
     whole = episodes.frame
     shortened = lambda case: (about := whole(case))._replace(steps=round(2.0 / about.period))  # noqa: E731
     monkeypatch.setattr(certificate, "frame", shortened)

@@ -107,7 +107,10 @@ def certify(
     for name, drive in about.drives.items():
         truth = record(case, about, reference, drive)
         if deviation is None:
-            deviation = sensor_noise(case, about, truth)
+            deviation = noise_deviation(case, about, truth.actions)
+            for block in about.layout:
+                if block.name == INTEGRAL:
+                    deviation[block.slice] = 0.0
         other = compare(record(case, about, check, truth.actions), truth, deviation)
         for quantity, limit in LIMITS.items():
             if not (most := other[quantity][_KEY]) <= CONVERGED * limit:
@@ -138,15 +141,6 @@ def certify(
         "rows": rows,
         "recommended": recommend(rows),
     }
-
-
-def sensor_noise(case: Case, about: Frame, truth: Recording) -> Floats:
-    """Noise (d,) of the entries in question; 0 for the others (see `noise_deviation`)."""
-    deviation = noise_deviation(case, about, truth.actions)
-    for block in about.layout:
-        if block.name == INTEGRAL:
-            deviation[block.slice] = 0.0
-    return deviation
 
 
 def compare(run: Recording, truth: Recording, deviation: Floats) -> dict[str, Any]:

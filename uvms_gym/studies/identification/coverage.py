@@ -62,11 +62,6 @@ class Coverage:
         return dict(zip(self.keys, self.inside.mean(axis=0).tolist()))
 
     @property
-    def open_by_key(self) -> dict[str, float]:
-        """Share of fits that report the parameter as not determined by the data."""
-        return dict(zip(self.keys, (self.shares > UNDETERMINED).mean(axis=0).tolist()))
-
-    @property
     def overall(self) -> float:
         """Share of intervals that contain the truth, of all parameters that the fit calls determined."""
         return float(self.inside[self.shares <= UNDETERMINED].mean())

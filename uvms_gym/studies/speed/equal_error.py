@@ -96,8 +96,7 @@ def _by_mujoco(scene: dict[str, Any], motions: Motions, integrator: str, step: f
     twists, thrust, home = motions
     total = round(TIME / step)
     steps = min(total, CHUNK)
-    model = mujoco_model.build(scene, integrator, step)
-    rolling = mujoco_model.Rolling(model, scene, n=MOTIONS, steps=steps)
+    rolling = mujoco_model.Rolling(scene, integrator, n=MOTIONS, steps=steps, step=step)
     rolling.begin(twists, home)
     rolling.command(thrust, home)
     for _ in range(total // steps):

@@ -130,21 +130,23 @@ def coordinates(state: dict[str, Floats]) -> tuple[Floats, Floats]:
 class Rolling(Case):
     """Native rollouts of a batch on `threads` threads with as many `MjData`; a unit of work is a step of an instance.
 
-    Every rollout continues the one before. Outputs are allocated once.
+    Every rollout continues the one before. Outputs are allocated once. `options` are further arguments of `build`.
     """
 
     timed = "MuJoCo's timed motion"
 
     def __init__(
         self,
-        model: Any,
         scene: dict[str, Any],
+        integrator: str = "RK4",
         *,
         n: int = BATCH,
         steps: int = STEPS,
         threads: int = 1,
         seed: int = 0,
+        **options: Any,
     ) -> None:
+        model = build(scene, integrator, **options)
         rng = np.random.default_rng(seed)
         self.name, self.work, self.steps = scene["name"], n * steps, steps
         self.models, self.data = [model] * n, [mujoco.MjData(model) for _ in range(threads)]

@@ -116,8 +116,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
         name: Stepping.of(Setting(scene, n, dtype=dtype, substeps=substeps, seed=seed)) for dtype, name in OURS.items()
     }
     for name, (integrator, options) in MODELS.items():
-        model = mujoco_model.build(scene, integrator, **options)
-        cases[name] = mujoco_model.Rolling(model, scene, steps=substeps, seed=seed)
+        cases[name] = mujoco_model.Rolling(scene, integrator, steps=substeps, seed=seed, **options)
     cases[ABA] = pinocchio_model.Dynamics(scene, seed)
     samples = interleave(cases, repeats)
     return {
@@ -152,8 +151,8 @@ def vector_study(scene: dict[str, Any], n: int, threads: list[int], repeats: int
         cases[count, "ours"] = VectorEnv(scene, n, count, "float64", seed)
         for name in VECTOR_MODELS:
             integrator, options = MODELS[name]
-            model = mujoco_model.build(scene, integrator, **options)
-            cases[count, name] = mujoco_model.Rolling(model, scene, n=n, steps=SUBSTEPS, threads=count, seed=seed)
+            options = {"n": n, "steps": SUBSTEPS, "threads": count, "seed": seed, **options}
+            cases[count, name] = mujoco_model.Rolling(scene, integrator, **options)
     samples = interleave(cases, repeats)
     rows = []
     for count in threads:

@@ -66,7 +66,8 @@ def terms_of(scene: Table) -> list[Term]:
     removals = [term.remove for term in terms if term.remove is not None]
     if len(removals) > 1:
         terms.append(Term(ALL, True, lambda scene: [remove(scene) for remove in removals], "rigid bodies remain"))
-    return [*terms, _servos(scene)]
+    has_servos = any("servo" in joint for joint in joints(scene))
+    return [*terms, Term("joint servos", has_servos, note="they drive the arm" if has_servos else "")]
 
 
 def edited(scene: Table, edit: Callable[[Table], object]) -> Table:
@@ -197,11 +198,6 @@ def _current(scene: Table) -> Term:
         return Term(CURRENT, False, note="no body of the scene interacts with the water")
     note = "belongs to the motion, not to the scene; the kernel computes with a current in any case"
     return Term(CURRENT, True, lambda scene: scene["water"].update(current=[0.0, 0.0, 0.0]), note)
-
-
-def _servos(scene: Table) -> Term:
-    present = any("servo" in joint for joint in joints(scene))
-    return Term("joint servos", present, note="they drive the arm" if present else "")
 
 
 def _arm_base(scene: Table) -> Term:
