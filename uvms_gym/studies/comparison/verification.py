@@ -58,12 +58,10 @@ def _number(maximum: float) -> Form:
 
 
 def _names(minimum: int) -> Form:
-    allowed = f"a list of at least {minimum} different names"
-    return Form(allowed, lambda x: _is_names(x) and len(set(x)) == len(x) >= minimum)
+    def holds(x: Any) -> bool:
+        return isinstance(x, list) and all(isinstance(name, str) for name in x) and len(set(x)) == len(x) >= minimum
 
-
-def _is_names(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(name, str) for name in value)
+    return Form(f"a list of at least {minimum} different names", holds)
 
 
 def _text(allowed: str, pattern: str, null: bool = False) -> Form:
@@ -74,6 +72,7 @@ def _text(allowed: str, pattern: str, null: bool = False) -> Form:
 
 
 _ANY = Form("anything", lambda x: True)
+_OBJECTS = Form("a list of objects", lambda x: type(x) is list and x != [] and all(type(one) is dict for one in x))
 _VERSION = _text("a version", r"\d[\w.+!-]*")
 _WORDS = _text("text in one line", r"[ -~]{0,200}")
 #: Records of the run that made the file.
@@ -174,7 +173,7 @@ def read_results(path: Path) -> dict[str, Any]:
     """
     try:
         data = records.read_json(path)
-        frame = {"circumstances": _ANY, "statistics": _ANY, "results": Form("a list of objects", _is_filled)}
+        frame = {"circumstances": _ANY, "statistics": _ANY, "results": _OBJECTS}
         faults = list(differences("", data, frame))
         if not faults:
             given = data["circumstances"].get("arguments") if isinstance(data["circumstances"], dict) else None
@@ -185,10 +184,6 @@ def read_results(path: Path) -> dict[str, Any]:
     if faults:
         raise ValueError(f"{path} holds no results of uvms compare: {faults[0]}")
     return dict(data)
-
-
-def _is_filled(value: Any) -> bool:
-    return isinstance(value, list) and value != [] and all(isinstance(entry, dict) for entry in value)
 
 
 def _conditions(arguments: Mapping[str, Any], count: int) -> list[Condition]:

@@ -31,21 +31,15 @@ def target(home: Floats, time: float) -> tuple[Floats, Floats]:
     return q, qd
 
 
-def case_scene(case: str) -> dict[str, Any]:
-    """PETASUS-PUM, with the vehicle fixed for the ideal end effector."""
-    scene: dict[str, Any] = load_scene("petasus-pum")
-    if case == "vehicle held":
-        scene["vehicle"]["fixed"] = True
-    return scene
-
-
 def follow(case: str) -> dict[str, Any]:
     """Run a case from the equilibrium of its own loop; an uncontrolled vehicle starts at the world's origin.
 
     The joint servos are PD, as in the paper, so the joints sag under the arm's weight in water. A start at q_0 itself
     would superpose that sag, and the swing of the vehicle from it, on the scenario.
     """
-    simulator = Simulator(case_scene(case), dt=STEP, error_estimate=False)
+    scene = load_scene("petasus-pum")
+    scene["vehicle"]["fixed"] = case == "vehicle held"
+    simulator = Simulator(scene, dt=STEP, error_estimate=False)
     home = simulator.q[0]
     loop: dict[str, Any] = {"pose_target": (np.zeros(3), np.eye(3))} if case == "PD-controlled" else {}
     simulator.step(joint_target=home, substeps=round(SETTLING / STEP), **loop)

@@ -23,7 +23,21 @@ def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
 
-    env = _timed(scene, n, threads)
+    from uvms_gym.sb3 import NativeVecEnv
+
+    class Timed(NativeVecEnv):
+        """The environment, with the time of its steps in `spent`."""
+
+        spent = 0.0
+
+        def step_wait(self) -> Any:
+            begun = time.perf_counter()
+            result = super().step_wait()
+            self.spent += time.perf_counter() - begun
+            return result
+
+    options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads}
+    env = Timed(gymnasium.make_vec(ENV, num_envs=n, autoreset_mode="SameStep", **options))
 
     class Clock(BaseCallback):
         """Times of collecting and of environment steps; an iteration ends where the next starts to collect."""
@@ -64,20 +78,3 @@ def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed
         "collecting_steps_per_second": summary(work / collecting),
         "share_of_environment": summary(stepping / whole),
     }
-
-
-def _timed(scene: dict[str, Any], n: int, threads: int) -> Any:
-    """The environment for Stable-Baselines3, with the time of its steps in `spent`."""
-    from uvms_gym.sb3 import NativeVecEnv
-
-    class Timed(NativeVecEnv):
-        spent = 0.0
-
-        def step_wait(self) -> Any:
-            begun = time.perf_counter()
-            result = super().step_wait()
-            self.spent += time.perf_counter() - begun
-            return result
-
-    options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads}
-    return Timed(gymnasium.make_vec(ENV, num_envs=n, autoreset_mode="SameStep", **options))
