@@ -237,13 +237,20 @@ class NativeVecEnv(VecEnv):
             raise ValueError(f"options of {len(options)} instances were set, but there are {self.num_envs}")
         alike: dict[Any, list[int]] = {}
         for i in indices:
-            alike.setdefault(tuple(sorted(_kind(*item) for item in options[i].items())), []).append(i)
+            kinds = sorted((name, "" if _is_numeric(value) else repr(value)) for name, value in options[i].items())
+            alike.setdefault(tuple(kinds), []).append(i)
         observations: NDArray[Any] = np.empty(0)
         infos: dict[int, dict[str, Any]] = {}
         for group in alike.values():
             mask = np.zeros(self.num_envs, dtype=np.bool_)
             mask[group] = True
-            given = _batched([options[i if mask[i] else group[0]] for i in range(self.num_envs)])
+            # Numbers have one row per instance.
+            given = {
+                name: np.stack([options[i if mask[i] else group[0]][name] for i in range(self.num_envs)])
+                if _is_numeric(value)
+                else value
+                for name, value in options[group[0]].items()
+            }
             if not mask.all():
                 given["reset_mask"] = mask
                 if not self._started:
@@ -336,16 +343,3 @@ def _is_numeric(value: Any) -> bool:
     except ValueError:
         # Rows of different lengths, which the environment refuses.
         return False
-
-
-def _kind(name: str, value: Any) -> tuple[str, str]:
-    """Key by which options of several instances share one call."""
-    return name, "" if _is_numeric(value) else repr(value)
-
-
-def _batched(options: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Options of all instances by name, numbers with one row per instance."""
-    return {
-        name: np.stack([given[name] for given in options]) if _is_numeric(value) else value
-        for name, value in options[0].items()
-    }

@@ -109,7 +109,9 @@ def bench(
             if with_peers:
                 results["peers"] = _peers(compared, arguments)
             if sb3:
-                results["learning"] = _learning(acting[0], arguments)
+                iterations = learning.QUICK_ITERATIONS if quick else learning.ITERATIONS
+                count, most = _many(arguments), max(arguments["threads"])
+                results["learning"] = learning.ppo_study(acting[0], count, most, iterations, seed)
         results["parameters"] = physics.parameter_costs(results["physics"])
         vector = results.get("environment", {}).get("vector", [])
         results["threads"] = physics.thread_speedups(results["physics"], vector, _many(arguments))
@@ -188,8 +190,3 @@ def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> dic
         if scene["vehicle"].get("thrusters"):
             result["vector"] += peers.vector_study(scene, n, arguments["threads"], repeats, seed)
     return result
-
-
-def _learning(scene: dict[str, Any], arguments: dict[str, Any]) -> dict[str, Any]:
-    iterations = learning.QUICK_ITERATIONS if arguments["quick"] else learning.ITERATIONS
-    return learning.ppo_study(scene, _many(arguments), max(arguments["threads"]), iterations, arguments["seed"])

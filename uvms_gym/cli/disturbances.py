@@ -81,7 +81,6 @@ def disturbance_profile(scene: Any, disturbance: Any, seed: int, seconds: float)
 
 
 def _plot(path: Path, title: str, profile: Mapping[str, Any]) -> None:
-    """Velocity of the water, force, and remaining gain of the thrusters, over time."""
     with picture(path, 8.0, 6.4) as figure:
         water, force, rest = figure.subplots(3, 1, sharex=True)
         time = profile["time"]
@@ -102,7 +101,6 @@ def _plot(path: Path, title: str, profile: Mapping[str, Any]) -> None:
 
 
 def _plot_shapes(path: Path, shapes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Changing quantity of each component, one panel each."""
     small = {"font__size": 8.0, "axes__titlesize": 9.0, "legend__fontsize": 7.5, "lines__linewidth": 1.1}
     with picture(path, 8.0, 5.4, **small) as figure:
         for axes, (title, profile) in zip(figure.subplots(3, 3).flat, shapes.items(), strict=False):

@@ -147,7 +147,6 @@ def play(
 
 
 def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, period: float) -> Iterator[Instant]:
-    """Step through an episode; yields at its start and after each step."""
     observation, info = env.reset(seed=seed)
     state = None
     yield Instant(0.0, info, None)
@@ -176,7 +175,6 @@ def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame
 
 
 def _serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port: int) -> None:
-    """Serve the page of `--web` until Ctrl-C."""
     from uvms_gym.viewer.episode import LiveEpisode
     from uvms_gym.viewer.server import HOST, Viewer
 

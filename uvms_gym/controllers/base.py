@@ -198,7 +198,6 @@ def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> 
 
 
 def _plain(name: str, gain: Any) -> Any:
-    """Gain as None, a number or a list of numbers."""
     if gain is None:
         return None
     array = np.asarray(gain)
@@ -214,7 +213,6 @@ def _check_finite(name: str, rows: NDArray[Any]) -> None:
 
 
 def _unwrapped(controller: str, env: Any) -> TaskBase:
-    """Find the environment inside wrappers and vector environments."""
     inner = getattr(env, "unwrapped", env)
     if not isinstance(inner, TaskBase) and hasattr(env, "get_attr"):
         inner = env.get_attr("unwrapped")[0]

@@ -238,5 +238,4 @@ def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.fl
 
 
 def _task(controller: str, env: Any, given: dict[str, Any]) -> _core.Task | None:
-    """Task of a policy, if it is given."""
     return native(options_of(controller, env, given)) if env is not None or given else None

@@ -62,8 +62,6 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Parameters with residuals and cost."""
-
     common: Floats
     own: Floats
     residuals: Floats
@@ -168,7 +166,6 @@ def _linearise(problem: Problem, point: _Point) -> _Model:
 
 
 def _held(problem: Problem, common: Floats, gradient: Floats) -> Floats:
-    """True where a bound stops the descent."""
     low, high = problem.bounds
     width = 1e-9 * (high - low)
     return np.asarray(((common <= low + width) & (gradient > 0.0)) | ((common >= high - width) & (gradient < 0.0)))

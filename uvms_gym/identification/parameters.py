@@ -130,7 +130,6 @@ def _of_map(key: str, data: Mapping[str, Any]) -> Parameter:
 
 
 def _prior(key: str, priors: Sequence[tuple[str, bool, float]], default: Any) -> Any:
-    """Kind and deviation by the end of a key."""
     return next((rest for pattern, *rest in priors if re.search(f"(^|\\b){pattern}$", key)), default)
 
 

@@ -115,8 +115,7 @@ def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corr
         [r.first(WINDOW) for r in replay.recordings], thrusters=replay.thrusters, prescribed=replay.prescribed
     )
     problem = ReplayProblem(scene, first, [], channels, corrections=corrections)
-    solution = minimise(problem)
-    return replay.run(scene, corrections, *problem.initial(solution.own))
+    return replay.run(scene, corrections, *problem.initial(minimise(problem).own))
 
 
 def counting(
@@ -137,7 +136,6 @@ def counting(
 def rms(errors: Floats) -> Floats:
     """RMS (N, 12) of errors (N, T, 12) in the units of `CHANNELS`; NaN for channels without samples."""
     known = np.isfinite(errors)
-    count = known.sum(axis=1)
     squares = np.where(known, errors, 0.0) ** 2
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.sqrt(squares.sum(axis=1) / count) * _UNITS)
+        return np.asarray(np.sqrt(squares.sum(axis=1) / known.sum(axis=1)) * _UNITS)

@@ -77,7 +77,6 @@ def _values(found: ChannelMap, table: Table) -> dict[str, Floats]:
 
 
 def _quaternions(columns: Columns, logged: Floats, table: Table) -> Floats:
-    """Unit quaternions [w, x, y, z] in the source's axes."""
     if columns.order == "rpy":
         return rotations.from_rpy(logged)
     q = logged[:, [3, 0, 1, 2]] if columns.order == "xyzw" else logged

@@ -309,7 +309,6 @@ class Thrusters(Channel):
 
 
 def _given(values: Floats | None, source: str, quantity: str) -> Floats:
-    """Values of an optional quantity, which must be there."""
     if values is None:
         raise LogError(f"{source}: the map names no {quantity}")
     return values

@@ -236,7 +236,6 @@ def _time_of(bound: Bound, default: float, directory: Path, trial: str | None, p
 
 
 def _value_of(path: Path, key: str) -> float:
-    """Number of a key in a file of lines "key: value"."""
     with reading(path):
         text = read_text(path, encoding="utf-8-sig")
     lines = [line.partition("#")[0].partition(":") for line in text.splitlines()]

@@ -325,7 +325,6 @@ def _merged(general: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any
 
 
 def _one_map(data: Mapping[str, Any], name: str) -> LogMap:
-    """Map of data without tables of trials."""
     keys = Keys(data, name)
     gap = keys.number("gap", GAP, above=0.0, finite=False)
     found = LogMap(

@@ -72,7 +72,6 @@ class _Topic:
         return f"{self._place}, message {row + 1}"
 
     def _default(self, quantity: str, message: Any) -> list[str]:
-        """Fields of the message that contain a quantity."""
         parts = ("w", "x", "y", "z") if quantity == "attitude" else ("x", "y", "z")
         for base in FIELDS[quantity]:
             names = [f"{base}.{part}" for part in parts]
@@ -147,12 +146,10 @@ def _getter(name: str) -> Getter:
 
 
 def _listed(message: Any) -> str:
-    """Fields of a message that contain numbers."""
     return ", ".join(_fields(message, "")) or "none"
 
 
 def _fields(value: Any, path: str) -> Iterator[str]:
-    """Paths of the numbers in a message."""
     if is_dataclass(value):
         for field in fields(value):
             if field.name != "__msgtype__":

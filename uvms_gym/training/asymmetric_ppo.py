@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
-from uvms_gym.training.networks import Actor, Critic
+from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import Settings
 
 #: Bounds on the actor's learning rate, factor of its adaptation, and maximum norm of gradients.
@@ -56,21 +56,12 @@ class AsymmetricPPO(Learner):
     def __init__(self, settings: Settings) -> None:
         given = self.parameters = AsymmetricPPOParameters.read(settings.hyperparameters)
         self.replicas = given.replicas
-        super().__init__(settings, given, given.log_std)
+        super().__init__(settings, given, given.log_std, given.critic_arch)
         if self.replicas % 2 or self.num_envs % self.replicas:
             raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate, fused=True)
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate, fused=True)
-
-    def make_modules(self) -> dict[str, nn.Module]:
-        """Make the critic."""
-        self.critic = Critic(self.envs.size, self.parameters.critic_arch)
-        return {"critic": self.critic}
-
-    @property
-    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
-        """Optimisers of actor and critic."""
-        return {"actor": self._adam, "critic": self._critic_adam}
+        self.optimizers = {"actor": self._adam, "critic": self._critic_adam}
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes with noise on the actions; returns the logarithms of the actions' densities (n, T), too."""
@@ -138,7 +129,6 @@ class AsymmetricPPO(Learner):
         return advantages
 
     def _adapt(self, divergence: float) -> None:
-        """Adapt the actor's learning rate to its divergence in the iteration."""
         target = self.parameters.target_kl * (0.1 + 0.9 * self.left)
         by = 1.0 / ADAPTATION if divergence > 2.0 * target else ADAPTATION if divergence < 0.5 * target else 1.0
         for group in self._adam.param_groups:

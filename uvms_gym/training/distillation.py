@@ -44,6 +44,7 @@ class Distillation(Learner):
         self.parameters = DistillationParameters.read(settings.hyperparameters)
         super().__init__(settings, self.parameters, 0.0)
         self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate, fused=True)
+        self.optimizers = {"actor": self._adam}
         inner = self.envs.inner
         self.teacher_name = canonical(settings.teacher or TEACHERS[inner.task], task=inner.task)
         learned = self.teacher_name.startswith(MLP_PREFIX)
@@ -57,11 +58,6 @@ class Distillation(Learner):
         if not learned and teacher.gains.get("delay"):
             teacher = type(teacher)(inner, **{**teacher.gains, "delay": 0})
         self.teacher = teacher
-
-    @property
-    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
-        """Optimiser of the actor."""
-        return {"actor": self._adam}
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes; returns the teacher's actions (n, T, a), too."""

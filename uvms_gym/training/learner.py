@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from uvms_gym import MLP
 from uvms_gym.training.episodes import Episodes, TrainingEnvs
 from uvms_gym.training.hyperparameters import count
-from uvms_gym.training.networks import Actor
+from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.run import SEED_STRIDE, Settings
 
 #: Hyperparameters of the run, not of the learner.
@@ -72,6 +72,11 @@ class Learner(ABC):
     Parameters
     ----------
     settings : Settings
+    parameters : Hyperparameters
+    log_std : float
+        Logarithm of the initial standard deviation of actions.
+    critic_arch : tuple of int
+        Hidden layers of a critic on perfect observations; empty: no critic.
 
     Raises
     ------
@@ -81,15 +86,21 @@ class Learner(ABC):
 
     #: Number of episodes with the same seed.
     replicas = 1
+    #: Optimisers by name.
+    optimizers: Mapping[str, torch.optim.Optimizer]
 
-    def __init__(self, settings: Settings, parameters: Hyperparameters, log_std: float) -> None:
+    def __init__(
+        self, settings: Settings, parameters: Hyperparameters, log_std: float, critic_arch: tuple[int, ...] = ()
+    ) -> None:
         self.settings, self.iteration, self.steps, self._first = settings, 0, 0, parameters.n_steps
         self.num_envs = count(settings.hyperparameters, "n_envs")
         self.envs = TrainingEnvs(settings.env, settings.kwargs, self.num_envs, settings.history)
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(settings.seed)
             self.actor = Actor([settings.history * self.envs.size, *parameters.net_arch, self.envs.actions], log_std)
-            self.modules: dict[str, nn.Module] = {"actor": self.actor, **self.make_modules()}
+            self.modules: dict[str, nn.Module] = {"actor": self.actor}
+            if critic_arch:
+                self.modules["critic"] = self.critic = Critic(self.envs.size, critic_arch)
         if settings.start is not None:
             policy = MLP.load(Path(settings.start), self.envs.inner)
             if policy.history != settings.history:
@@ -98,15 +109,6 @@ class Learner(ABC):
         self.behaviour = copy.deepcopy(self.actor)
         self._pending: Future[tuple[Episodes, Tensor]] | None = None
         self._threads = ThreadPoolExecutor(2)
-
-    def make_modules(self) -> dict[str, nn.Module]:
-        """Make further networks."""
-        return {}
-
-    @property
-    @abstractmethod
-    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
-        """Optimisers by name."""
 
     @abstractmethod
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
-from uvms_gym.training.networks import Actor, Critic
+from uvms_gym.training.networks import Actor
 from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
 from uvms_gym.training.run import Settings
 
@@ -56,7 +56,7 @@ class Shac(Learner):
 
     def __init__(self, settings: Settings) -> None:
         given = self.parameters = ShacParameters.read(settings.hyperparameters)
-        super().__init__(settings, given, 0.0)
+        super().__init__(settings, given, 0.0, given.critic_arch)
         self.gradient = ReturnGradient(self.envs.inner, given.batch_size, given.gamma, given.posture)
         if not given.priority >= 0.0:
             raise ValueError(f"priority is {given.priority:g}, but must be at least 0")
@@ -65,16 +65,7 @@ class Shac(Learner):
         layers = self.actor.layers.parameters()
         self._adam = torch.optim.Adam(layers, lr=given.learning_rate, betas=(0.9, 0.95), fused=True)
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate, fused=True)
-
-    def make_modules(self) -> dict[str, nn.Module]:
-        """Make the critic."""
-        self.critic = Critic(self.envs.size, self.parameters.critic_arch)
-        return {"critic": self.critic}
-
-    @property
-    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
-        """Optimisers of actor and critic."""
-        return {"actor": self._adam, "critic": self._critic_adam}
+        self.optimizers = {"actor": self._adam, "critic": self._critic_adam}
 
     @property
     def horizon(self) -> int:
@@ -123,7 +114,6 @@ class Shac(Learner):
         first: Tensor,
         critic: nn.Module,
     ) -> Windows:
-        """Windows of these instances from these steps on."""
         assert episodes.states is not None and episodes.memories is not None
         steps = first + torch.arange(self.parameters.horizon + 1)[:, None]
         now = steps[:-1]
@@ -159,7 +149,6 @@ class Shac(Learner):
         return returns
 
     def _adapt(self, episodes: Episodes, updates: int, generator: torch.Generator) -> None:
-        """Adapt the actor's learning rate to the change of its actions in the iteration."""
         instances, times = episodes.alive.nonzero().T
         some = torch.randint(len(times), (PROBES,), generator=generator)
         inputs = episodes.select(instances[some], times[some])

@@ -143,7 +143,6 @@ class World:
 
 
 def _glb(vertices: NDArray[Any], normals: NDArray[Any], colours: NDArray[Any], triangles: NDArray[np.uint32]) -> bytes:
-    """GLB file of a mesh of `Renderer.meshes`."""
     mesh = trimesh.Trimesh(vertices, triangles, vertex_normals=normals, process=False)
     # Without a material, GLB means metal. Colours of vertices are linear, as the squares that `draw` shades.
     material = trimesh.visual.material.PBRMaterial(metallicFactor=0.1, roughnessFactor=0.6)
