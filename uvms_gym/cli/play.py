@@ -83,14 +83,15 @@ def play(
     Without --out, --plot and --window it is shown in a browser. Folders of files are made.
     """
     # The browser view needs no further options.
-    web = web or not (window or any(given is not None for given in (out, size, fps, camera, plot)))
+    other = window or any(given is not None for given in (out, size, fps, camera, plot))
+    web = web or not other
     env = env or (STORM if web else DEFAULT)
     arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance)
     if isinstance(given := arguments.get("scene"), str):
         read_scene(given)
     level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
-        if window or any(given is not None for given in (out, size, fps, camera, plot)):
+        if other:
             raise fail("--web goes without --out, --window, --size, --fps, --camera and --plot")
         need({"viser": "viser"}, "view")
         _serve(_make(env, arguments, seconds), controller, seed, port)

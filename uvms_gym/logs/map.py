@@ -177,8 +177,7 @@ def _axes(kind: str, keys: Keys) -> tuple[Axis, ...]:
     if kind not in ("joints", "thrusters"):
         return ()
     table = keys.table("axes")
-    read = _joint if kind == "joints" else _thruster
-    axes = tuple(read(name, table.table(name)) for name in table)
+    axes = tuple(_axis(kind, name, table.table(name)) for name in table)
     if not any(axis.column for axis in axes):
         raise keys.error("axes", f"a table with the columns of the scene's {kind} by name is expected")
     lacking = [axis.name for axis in axes if axis.column and not axis.velocity]
@@ -187,33 +186,25 @@ def _axes(kind: str, keys: Keys) -> tuple[Axis, ...]:
     return axes
 
 
-def _joint(name: str, keys: Keys) -> Axis:
-    """Joint: q = (sign * column - zero) in the unit of the column, or a constant."""
-    unit = keys.choice("unit", units.ANGLE | units.LENGTH, "rad")
-    factor = (units.ANGLE | units.LENGTH)[unit]
-    _exclusive(keys, "position", "value")
+def _axis(kind: str, name: str, keys: Keys) -> Axis:
+    """Joint, q = (sign * column - zero) in the unit of the column; or thruster, scale * (column - neutral), N.
+
+    Either may be a constant.
+    """
+    column, lengths = {"joints": "position", "thrusters": "command"}[kind], units.ANGLE | units.LENGTH
+    unit = lengths[keys.choice("unit", lengths, "rad")] if kind == "joints" else 1.0
+    _exclusive(keys, column, "value")
     if keys.has("value"):
-        axis = Axis(name, offset=-keys.number("value", 0.0) * factor)
-    else:
-        sign = keys.number("sign", 1.0)
-        if abs(sign) != 1.0:
+        axis = Axis(name, offset=-keys.number("value", 0.0) * unit)
+    elif kind == "joints":
+        if abs(sign := keys.number("sign", 1.0)) != 1.0:
             raise keys.error("sign", f"{sign:g} is neither 1 nor -1")
         velocity = keys.text("velocity") if keys.has("velocity") else None
-        axis = Axis(name, keys.text("position"), velocity, sign * factor, keys.number("zero", 0.0) * factor)
-    keys.finish()
-    return axis
-
-
-def _thruster(name: str, keys: Keys) -> Axis:
-    """Thruster: command = scale * (column - neutral), N, or a constant."""
-    _exclusive(keys, "command", "value")
-    if keys.has("value"):
-        axis = Axis(name, offset=-keys.number("value", 0.0))
+        axis = Axis(name, keys.text(column), velocity, sign * unit, keys.number("zero", 0.0) * unit)
     else:
-        scale = keys.number("scale", 1.0)
-        if scale == 0.0:
+        if (scale := keys.number("scale", 1.0)) == 0.0:
             raise keys.error("scale", "0 is not allowed")
-        axis = Axis(name, keys.text("command"), None, scale, scale * keys.number("neutral", 0.0))
+        axis = Axis(name, keys.text(column), None, scale, scale * keys.number("neutral", 0.0))
     keys.finish()
     return axis
 

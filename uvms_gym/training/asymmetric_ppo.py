@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from uvms_gym.training.episodes import Episodes
-from uvms_gym.training.learner import Hyperparameters, Learner, step
+from uvms_gym.training.learner import ActorCriticParameters, Learner, step
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import Settings
 
@@ -19,23 +19,15 @@ FIRST_EPOCHS = 10
 
 
 @dataclass(frozen=True)
-class AsymmetricPPOParameters(Hyperparameters):
+class AsymmetricPPOParameters(ActorCriticParameters):
     """Hyperparameters of PPO with an asymmetric critic."""
 
-    critic_arch: tuple[int, ...]
-    """Hidden layers of the critic."""
     replicas: int
     """Episodes with the same seed, an even number: their noise on actions differs, in pairs by its sign."""
     log_std: float
     """Logarithm of the initial standard deviation of actions."""
-    learning_rate: float
-    """Initial learning rate of the actor; it follows `target_kl`."""
-    critic_learning_rate: float
-    """Learning rate of the critic."""
     target_kl: float
-    """Divergence of the actor in an iteration, which falls linearly to a tenth."""
-    gamma: float
-    """Discount."""
+    """Divergence of the actor in an iteration, which its learning rate follows; it falls linearly to a tenth."""
     gae_lambda: float
     """Discount of generalised advantage estimation."""
     clip_range: float

@@ -51,6 +51,20 @@ class Hyperparameters:
         return cls(**{name: _converted(name, kinds[name], value) for name, value in own.items()})
 
 
+@dataclass(frozen=True)
+class ActorCriticParameters(Hyperparameters):
+    """Hyperparameters of a learner with a critic."""
+
+    critic_arch: tuple[int, ...]
+    """Hidden layers of the critic."""
+    learning_rate: float
+    """Initial learning rate of the actor, which is adapted in every iteration."""
+    critic_learning_rate: float
+    """Learning rate of the critic."""
+    gamma: float
+    """Discount."""
+
+
 def _converted(name: str, kind: Any, value: Any) -> Any:
     """Number or tuple of counts; integers and sizes are positive."""
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from uvms_gym.training.episodes import Episodes
-from uvms_gym.training.learner import Hyperparameters, Learner, step
+from uvms_gym.training.learner import ActorCriticParameters, Learner, step
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
 from uvms_gym.training.run import Settings
@@ -19,23 +19,15 @@ PROBES = 1024
 
 
 @dataclass(frozen=True)
-class ShacParameters(Hyperparameters):
+class ShacParameters(ActorCriticParameters):
     """Hyperparameters of the short-horizon actor-critic."""
 
-    critic_arch: tuple[int, ...]
-    """Hidden layers of the critic."""
     horizon: int
     """Steps of a window, over which gradients are carried back."""
     noise: float
     """Standard deviation of the noise on actions while episodes are collected."""
-    learning_rate: float
-    """Initial learning rate of the actor; it follows `change`."""
     change: float
-    """Root mean square change of actions by a gradient step, which falls linearly to a twentieth."""
-    critic_learning_rate: float
-    """Learning rate of the critic."""
-    gamma: float
-    """Discount."""
+    """RMS change of actions by a gradient step, which the learning rate follows; it falls linearly to a twentieth."""
     td_lambda: float
     """Weight of rewards against values in the critic's targets."""
     batch_size: int
