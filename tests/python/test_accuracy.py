@@ -147,9 +147,9 @@ def test_a_motion_is_the_same_again_and_tiled_repeats_it() -> None:
     assert np.abs(other.wrench - a.wrench).max() > 0.1
 
 
-@pytest.mark.parametrize(("call", "told"), [(0, (True, False)), (3, (False, True)), (None, (False, False))])
-def test_warnings_are_told_by_when_they_came(
-    call: int | None, told: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("call", "warned"), [(0, (True, False)), (3, (False, True)), (None, (False, False))])
+def test_early_and_later_warnings_are_distinguished(
+    call: int | None, warned: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driven = motion.driven_motion(load_scene("bluerov2-heavy"), 2, 0.5, 0)
 
@@ -168,7 +168,7 @@ def test_warnings_are_told_by_when_they_came(
 
     monkeypatch.setattr(motion, "Simulator", Warner)
     track = motion.follow(driven, {"dt": 0.05}, 5)
-    assert (track.warned_early, track.warned_later) == told
+    assert (track.warned_early, track.warned_later) == warned
 
 
 def test_errors_are_distances_and_angles() -> None:

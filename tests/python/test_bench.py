@@ -45,11 +45,12 @@ def test_every_case_is_there_with_what_ran(tmp_path: Path, capsys: pytest.Captur
     data = bench(
         tmp_path, "--seed", "7", *repeated("--n", 2, 9), *repeated("--substeps", 1, 3), *repeated("--threads", 1, 2)
     )
-    told = data["circumstances"]
-    assert told["arguments"]["seed"] == 7
-    assert told["arguments"]["n"] == [2, 9]
-    assert len(told["load"]["before"]) == len(told["load"]["after"]) == 3
-    assert told["machine"]["cores"] == os.cpu_count()
+    recorded = data["circumstances"]
+    assert recorded["arguments"]["seed"] == 7
+    assert recorded["arguments"]["n"] == [2, 9]
+    assert len(recorded["load"]["before"]) == len(recorded["load"]["after"]) == 3
+    assert recorded["machine"]["cores"] == os.cpu_count()
+    instruction_set = recorded["machine"]["instruction_set"]
     rows = data["results"]["physics"]
     plain = [(r["dtype"], r["threads"], r["n"], r["substeps"]) for r in rows if not r["varied"]]
     assert plain == [(d, t, n, s) for d in ("float64", "float32") for t in (1, 2) for n in (2, 9) for s in (1, 3)]
@@ -58,12 +59,12 @@ def test_every_case_is_there_with_what_ran(tmp_path: Path, capsys: pytest.Captur
         assert_summary(row["seconds"])
         assert row["seconds"]["minimum"] > 1e-9
         assert row["steps_per_second"] == pytest.approx(1.0 / row["seconds"]["median"])
-        assert (row["scene"], row["instruction_set"]) == ("bluerov2-heavy-alpha5", told["machine"]["instruction_set"])
+        assert (row["scene"], row["instruction_set"]) == ("bluerov2-heavy-alpha5", instruction_set)
         assert row["bytes"] > 0
     assert [row["dtype"] for row in data["results"]["parameters"]] == ["float64", "float32"]
     assert [(row["what"], row["n"], row["threads"]) for row in data["results"]["threads"]] == [("physics", 9, 2)] * 2
     printed = capsys.readouterr().out
-    assert all(word in printed for word in ("load average", told["machine"]["instruction_set"], "times as fast as one"))
+    assert all(word in printed for word in ("load average", instruction_set, "times as fast as one"))
 
 
 def test_other_instruction_sets_run_in_other_processes(tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def test_noise_is_measured_with_its_deviations() -> None:
             np.testing.assert_allclose(deviation[block.slice] * block.scale, own[name], rtol=0.1)
         elif name != certificate.INTEGRAL:
             assert not deviation[block.slice].any(), name
-    # Without noise of its own an environment has that of the component by default.
+    # An environment without noise of its own has the default noise of the component.
     other = episodes.noise_deviation(
         STATION._replace(episodes=16), episodes.frame(STATION), np.zeros((400, 16, 6), "f4")
     )

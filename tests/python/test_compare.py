@@ -115,10 +115,10 @@ def test_statistics_are_those_of_the_stored_scores(comparison: dict[str, Any]) -
 
 
 def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any]) -> None:
-    told = comparison["circumstances"]
-    assert told["arguments"]["controllers"] == ["none", "pd", "pid"]
-    assert told["arguments"]["seed"] == 3 and told["arguments"]["episodes"] == 48
-    assert {"commit", "machine", "numpy", "gymnasium", "uvms_gym"} <= told.keys()
+    recorded = comparison["circumstances"]
+    assert recorded["arguments"]["controllers"] == ["none", "pd", "pid"]
+    assert recorded["arguments"]["seed"] == 3 and recorded["arguments"]["episodes"] == 48
+    assert {"commit", "machine", "numpy", "gymnasium", "uvms_gym"} <= recorded.keys()
     assert comparison["results"][0]["options"]["disturbance"] == "storm"
     assert comparison["results"][0]["controllers"]["pd"]["origin"] == {"tuned": None}
 
@@ -164,7 +164,7 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
         changes.append(np.mean((np.clip(action, -1.0, 1.0) - before) ** 2))
         before = np.clip(action, -1.0, 1.0)
         over = terminated or truncated
-    told = {
+    reported = {
         "position": info["rms_position_error"],
         "attitude": info["rms_attitude_error"],
         "pose": np.sqrt(np.mean(pose)),
@@ -176,7 +176,7 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
         "success": info["success"],
         "diverged": 0.0,
     }
-    for metric, value in told.items():
+    for metric, value in reported.items():
         assert scores[f"{metric}/whole"][0, 1] == pytest.approx(value, rel=1e-6), metric
     settled = np.sqrt(np.mean(pose[30:]))
     assert scores["pose/settled"][0, 1] == pytest.approx(settled, rel=1e-6)
@@ -225,7 +225,7 @@ def test_conditions_are_what_they_say() -> None:
     assert "arm_amplitude" not in made("impulses-only", TRACK)
     fast = condition_of(departure="period-0.05")
     assert (fast.options["substeps"], fast.steps) == (5, 400)
-    # Of the lag controllers are not told, of the control period they are.
+    # Controllers know the control period, but not the lag.
     assert condition_of(departure="lag").designed["thruster_lag"] == 0.1
     assert fast.designed["substeps"] == 5
     assert condition_of("UVMS-StationKeep-v0", departure="delay").options["disturbance"]["current"] == {
@@ -338,7 +338,7 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
     assert compare_report.percent(Estimate(float("nan"), float("nan"), float("nan"))) == "-"
 
 
-def test_controllers_are_told_apart_by_colours() -> None:
+def test_controllers_have_distinct_colours() -> None:
     colours = plots.colours([*names("station-keep")])
     assert len(set(colours.values())) == len(colours)
 
@@ -384,8 +384,8 @@ def test_a_stopped_comparison_goes_on_with_the_controllers_that_are_left(
 def test_two_runs_do_not_share_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with lock(tmp_path):
         assert main(["compare", "--scene", SMALL, *THREE, "--episodes", "2", "--out", str(tmp_path)]) == 2
-    told = capsys.readouterr().err
-    assert f"{tmp_path} is in use by another run of uvms" in told and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert f"{tmp_path} is in use by another run of uvms" in message and message.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -398,7 +398,7 @@ def test_files_are_whole_where_the_output_is_not_read(output: str, tmp_path: Pat
         stdout = writing if output == "pipe" else full
         ended = subprocess.run([*command, "--out", str(tmp_path)], stdout=stdout, stderr=subprocess.PIPE, text=True)
     os.close(writing)
-    told = "" if output == "pipe" else "uvms: output: No space left on device\n"
-    assert (ended.returncode, ended.stderr) == (0 if output == "pipe" else 2, told)
+    message = "" if output == "pipe" else "uvms: output: No space left on device\n"
+    assert (ended.returncode, ended.stderr) == (0 if output == "pipe" else 2, message)
     assert {file.name for file in tmp_path.iterdir()} == {"compare.json", "scores.npz", "compare.png", "profiles.png"}
     assert json.loads((tmp_path / "compare.json").read_text())["results"]

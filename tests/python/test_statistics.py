@@ -88,7 +88,7 @@ def test_interval_of_a_mean_has_the_width_that_theory_gives() -> None:
 
 
 def test_intervals_hold_for_other_training_seeds_too() -> None:
-    # Seeds differ by far more than episodes: the interval is that of a mean over four seeds, not over 400 scores.
+    # Seeds differ by far more than episodes: the interval is as wide as of a mean over four seeds, not over 400 scores.
     seeds = np.array([0.0, 1.0, 2.0, 3.0])
     scores = seeds[:, None] + 0.01 * np.random.default_rng(2).normal(size=(4, 100))
     _, low, high = Scores(scores, Draws(100, 0)).statistics(cut=0.0)[0].estimate()

@@ -39,7 +39,7 @@ def study_scene(
     Returns
     -------
     dict
-        That of `work_precision.study`, with `drift` by setting, `smooth_orders` without quadratic damping,
+        Results of `work_precision.study`, with `drift` by setting, `smooth_orders` without quadratic damping,
         `recommended` rows by precision, and the `comparison` at equal cost.
     """
     run: dict[str, Any] = {"seconds": seconds, "seed": seed}

@@ -98,7 +98,7 @@ class PredictRollout:
     name : str
         Its name, `py:FILE:NAME`.
     observations : array (N, d)
-        Those of the reset.
+        Observations after the reset.
     """
 
     def __init__(self, envs: Any, controller: Any, name: str, observations: Any) -> None:

@@ -6,8 +6,8 @@ probability of improvement and performance profiles, with percentile intervals o
 Scores of a controller in one task are a matrix (S, N): training seeds by episodes, S = 1 without training. All seeds
 and all controllers run the same N episodes, so their scores are paired. A resample draws seeds and episodes, each with
 replacement and independently of one another, and takes the scores at their crossings; its episodes are the same for all
-controllers. Intervals thus hold for other training seeds as well as for other episodes, and those of ratios and
-differences use the pairing.
+controllers. Intervals thus hold for other training seeds as well as for other episodes, and intervals of ratios
+and differences use the pairing.
 """
 
 from collections.abc import Iterator, Sequence
