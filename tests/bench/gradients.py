@@ -1,6 +1,7 @@
 """Time of the derivatives of a step over the time of the step, one thread: python tests/bench/gradients.py.
 
-In turns, the minimum time of the processor. A call of one step, a step of a call of 20, and such a step of 64 instances.
+In turns, the minimum time of the processor: a call of one step; a step in a call of 20; the same for 64
+instances.
 """
 
 import sys

@@ -1,6 +1,7 @@
 """Time of an iteration of `optimize_trajectory`, one problem, one thread: python tests/bench/trajectory.py [SCENE ...].
 
-The median over problems of the processor's time of a call, minus the time of a call without iterations, over the iterations.
+The median over problems of the processor's time of a call, minus the time of a call without iterations, over the
+iterations.
 With --crocoddyl beside FDDP of Crocoddyl, one problem after the other, without water: the same bodies, weights and
 inputs (wrench and joint torques), from the inputs that hold the vehicle. Crocoddyl 3.2.1 from PyPI runs with pin 4.0.
 """
