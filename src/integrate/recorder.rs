@@ -52,8 +52,8 @@ impl<L: Lane, const N: usize> SubInterval<L, N> {
         Self { from: Motion::blank(), h: L::zero(), elapsed: L::zero(), taken: L::zero() }
     }
 
-    /// Reads the last one with its `rates` and removes both; lanes that did not take it have neither rates nor cotangents `of` its
-    /// end. Returns the lanes that took it, and the cotangents of all lanes.
+    /// Reads the last one of a record with its `rates` and removes both. In lanes that did not take it, rates and the cotangents `of`
+    /// its end become zero. Returns the lanes that took it, and the cotangents as they were.
     #[inline(always)]
     pub(super) fn pop(
         &mut self,

@@ -15,7 +15,7 @@ use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, Task
 /// Maximum number of lanes.
 const WIDEST: usize = 16;
 
-/// EpisodeBlocks of instances, and their episodes' numbers.
+/// Blocks of instances, and their episodes' numbers.
 pub(super) struct EpisodeBlocks<'a, T: Real, K: TaskDefinition> {
     pub kernel: &'a TaskKernel<T, K>,
     /// Rows of a block.

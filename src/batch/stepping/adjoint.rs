@@ -34,8 +34,8 @@ pub trait Cotangents: Sync {
 }
 
 impl Blocks<f64> {
-    /// Gradients of all instances under these inputs: `width` numbers of each, by factors on the bodies and by payloads only if
-    /// these are `by` true. The instances are not stepped. Numbers after an interrupt are invalid.
+    /// Gradients of all instances under these inputs: `width` numbers of each; with respect to factors on the bodies and to
+    /// payloads only where `by` says so. The instances are not stepped. Numbers after an interrupt are invalid.
     ///
     /// # Errors
     /// [`OutOfMemory`] if the record of the steps does not fit into memory.

@@ -102,8 +102,8 @@ impl Pairs for Duals {
 }
 
 impl Blocks<f64> {
-    /// Derivatives of the steps of all instances under these inputs, along all directions, of which
-    /// some change payloads only if `payload`: `width` numbers of each instance. The instances are not stepped. Numbers after an interrupt are invalid.
+    /// Derivatives of the steps of all instances under these inputs, along all directions: `width` numbers of each instance. Some
+    /// directions change payloads only if `payload`. The instances are not stepped. Numbers after an interrupt are invalid.
     pub fn differentiate<N: Pairs>(
         &self,
         settings: &StepSettings,
@@ -120,8 +120,8 @@ impl Blocks<f64> {
         out
     }
 
-    /// `width` numbers of each instance, which `work` writes: it has the number of each block, its rows with the inputs and the
-    /// numbers of its instances, and is not called after an interrupt.
+    /// `width` numbers of each instance, which `work` writes, given the number of a block, its rows with the inputs, and memory for
+    /// the numbers of its instances. After an interrupt it is not called.
     ///
     /// # Errors
     /// An error of `work`.
