@@ -13,8 +13,8 @@ pub(crate) mod stepping;
 pub(crate) mod storage;
 
 pub use episodes::{
-    Autoreset, Beginning, Final, Outputs, Recorder, Recording, Rollout, RolloutStats, Saved, StepResult, TaskBatch,
-    Teacher, Trace, Transition,
+    Autoreset, Beginning, Final, Outputs, Recorder, Recording, Rollout, RolloutStats, Saved, TaskBatch, Teacher, Trace,
+    Transition,
 };
 pub use monitoring::error_estimate::ErrorEstimate;
 pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};

@@ -27,7 +27,7 @@ use chunk::{Context, Rules};
 use closed_loop::LoopPart;
 use episode_slot::EpisodeSlot;
 use outputs::check_lengths;
-pub use outputs::{Final, Outputs, StepResult, Transition};
+pub use outputs::{Final, Outputs, Transition};
 pub use recording::{Recorder, Recording, Teacher};
 pub use rollout::{Rollout, RolloutStats, Trace};
 use storage::{Members, TaskBlocks, TaskStorage};

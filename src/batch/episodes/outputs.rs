@@ -102,19 +102,6 @@ pub(super) fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T]
     first
 }
 
-/// Result of a step for one instance.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StepResult {
-    /// Reward of the control period.
-    pub reward: f64,
-    /// End of the episode for a reason within the task.
-    pub terminated: bool,
-    /// End of the episode by its time limit.
-    pub truncated: bool,
-    /// Metrics, in the order of the task's names.
-    pub info: Vec<f64>,
-}
-
 /// The end of an episode whose successor began in the same step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Final {
@@ -175,21 +162,5 @@ impl Transition {
     pub(super) fn outputs(&mut self) -> Outputs<'_> {
         let flags = [&mut self.terminated[..], &mut self.truncated[..]];
         Outputs::new(&mut self.observations, &mut self.rewards, flags, &mut self.info)
-    }
-
-    /// Result of instance `i`, without the observation.
-    pub fn result(&self, i: usize) -> StepResult {
-        let n = self.rewards.len();
-        StepResult {
-            reward: self.rewards[i],
-            terminated: self.terminated[i],
-            truncated: self.truncated[i],
-            info: self.info.iter().skip(i).step_by(n).copied().collect(),
-        }
-    }
-
-    /// Results of all instances, without the observations.
-    pub fn results(&self) -> impl ExactSizeIterator<Item = StepResult> + '_ {
-        (0..self.rewards.len()).map(|i| self.result(i))
     }
 }

@@ -76,6 +76,10 @@ impl Case {
     }
 }
 
+fn bits_of(numbers: &[f64]) -> Vec<u64> {
+    numbers.iter().map(|x| x.to_bits()).collect()
+}
+
 #[test]
 fn gradients_are_cotangents_times_jacobians() {
     for scene in scenes() {
@@ -120,11 +124,9 @@ fn gradients_of_divided_steps_are_cotangents_times_jacobians() {
                 // Adaptive methods go on with the sub-interval planned last.
                 case.simulator.step(&Inputs::default(), 1).unwrap();
             }
-            let bits = |instances, threads| -> Vec<u64> {
-                let gradients = case_of_divided_steps(name, dt, instances, threads).gradients(2, false).0;
-                gradients.into_iter().map(f64::to_bits).collect()
-            };
-            let [one, five, most] = [(1, 1), (5, 1), (17, 2)].map(|(instances, threads)| bits(instances, threads));
+            let [one, five, most] = [(1, 1), (5, 1), (17, 2)].map(|(instances, threads)| {
+                bits_of(&case_of_divided_steps(name, dt, instances, threads).gradients(2, false).0)
+            });
             assert_eq!(one, five[..one.len()], "{name} {dt}");
             assert_eq!(five, most[..five.len()], "{name} {dt}");
         }
@@ -136,9 +138,7 @@ fn gradients_have_the_same_bits_for_any_number_of_instances_and_threads() {
     for scene in scenes() {
         for name in ["mk4", "ros2", "mk54"] {
             let [one, more, most] = [(1, 1), (3, 1), (65, 2)].map(|(instances, threads)| {
-                let bits = |x: f64| x.to_bits();
-                let gradients = Case::new(&scene, instances, name, threads).gradients(2, false).0;
-                gradients.into_iter().map(bits).collect::<Vec<_>>()
+                bits_of(&Case::new(&scene, instances, name, threads).gradients(2, false).0)
             });
             assert_eq!(one, more[..one.len()], "{} {name}", scene.name);
             assert_eq!(more, most[..more.len()], "{} {name}", scene.name);
@@ -187,9 +187,8 @@ fn recorded_steps_are_those_of_the_simulator() {
             with_case(&scene, (9, 3), (name, 1e-9, Isa::Avx2), |blocks, settings, inputs, _| {
                 let recorded = blocks.pull_back(settings, inputs, &Ends, [true; 2], blocks.column_len()).unwrap();
                 blocks.step(settings, Some(inputs));
-                let stepped: Vec<_> = (0..9).flat_map(|i| blocks.column(i)).map(f64::to_bits).collect();
-                let recorded: Vec<_> = recorded.into_iter().map(f64::to_bits).collect();
-                assert_eq!(recorded, stepped, "{} {name}", scene.name);
+                let stepped: Vec<_> = (0..9).flat_map(|i| blocks.column(i)).collect();
+                assert_eq!(bits_of(&recorded), bits_of(&stepped), "{} {name}", scene.name);
             });
         }
     }
@@ -204,7 +203,7 @@ fn gradients_have_the_same_bits_in_all_lanes() {
                 with_case(&scene, (9, 2), (name, Gains::DEFAULT.tolerance, isa), |blocks, settings, inputs, _| {
                     let (of, width) = (&RandomCotangents, blocks.column_len());
                     let gradients = blocks.pull_back(settings, inputs, of, [true; 2], width).unwrap();
-                    bits = gradients.into_iter().map(f64::to_bits).collect();
+                    bits = bits_of(&gradients);
                 });
                 bits
             });

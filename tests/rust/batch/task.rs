@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
-use uvms_gym::batch::{Autoreset, Precision, Rollout, RolloutStats, SimulatorOptions, TaskBatch};
+use uvms_gym::batch::{Autoreset, Precision, Rollout, RolloutStats, SimulatorOptions, TaskBatch, Transition};
 use uvms_gym::control::{ActionKind, Controller, GainMap};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::ClosedFormModel;
@@ -45,6 +45,11 @@ impl Made {
 
 fn scene() -> Scene {
     Scene::shipped("bluerov2-heavy-alpha5").unwrap()
+}
+
+/// Metrics of instance `i`.
+fn metrics(transition: &Transition, i: usize) -> Vec<f64> {
+    transition.info.iter().skip(i).step_by(transition.rewards.len()).copied().collect()
 }
 
 fn seeds(n: usize) -> Vec<Option<u64>> {
@@ -93,12 +98,8 @@ fn lanes_do_what_the_task_does_to_one_instance() {
                 let (task, state) = (batch.task(), batch.simulator().state(i));
                 task.act(twin, &actions[i * a..(i + 1) * a]);
                 let outcome = task.advance(twin, &state);
-                let verdict = result.result(i);
-                assert_eq!(
-                    (outcome.reward, outcome.info()),
-                    (verdict.reward, verdict.info),
-                    "step {step}, instance {i}"
-                );
+                let seen = (result.rewards[i], metrics(&result, i));
+                assert_eq!((outcome.reward, outcome.info()), seen, "step {step}, instance {i}");
                 assert_eq!(batch.episode(i).as_ref(), Some(&*twin));
                 let mut seen = vec![0.0; d];
                 task.observe(twin, &state, &mut seen);
@@ -136,17 +137,17 @@ fn stepped(batch: &mut TaskBatch, policy: &dyn Controller, steps: u32) -> Vec<Ro
     for _ in 0..steps {
         policy.act(&observations, &mut memory, &mut actions).unwrap();
         let done = batch.step(&actions).unwrap();
-        for (i, (stats, verdict)) in stats.iter_mut().zip(done.results()).enumerate() {
+        for (i, stats) in stats.iter_mut().enumerate() {
             if stats.terminated || stats.truncated {
                 continue;
             }
             // Where the next episode has begun already, what the last step came to is among the ends.
             let end = done.finals.iter().find(|end| end.instance == i);
-            let info = end.map_or(verdict.info, |end| end.info.clone());
+            let info = end.map_or_else(|| metrics(&done, i), |end| end.info.clone());
             stats.last[..info.len()].copy_from_slice(&info);
             stats.steps += 1;
-            stats.reward += verdict.reward;
-            (stats.terminated, stats.truncated) = (verdict.terminated, verdict.truncated);
+            stats.reward += done.rewards[i];
+            (stats.terminated, stats.truncated) = (done.terminated[i], done.truncated[i]);
             for (k, x) in info.into_iter().enumerate() {
                 stats.sums[k] += x;
                 stats.squares[k] += x * x;
