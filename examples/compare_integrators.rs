@@ -2,7 +2,7 @@
 
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::integrate::{Integrator, Purpose};
+use uvms_gym::integrate::{Integrator, IntegratorKind};
 use uvms_gym::system::State;
 
 /// State after a second in which the thrusters turn the vehicle and the arm falls.
@@ -16,7 +16,7 @@ fn end(integrator: &str, dt: f64) -> Result<State, Box<dyn std::error::Error>> {
 
 pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let reference = end("mk4", 1e-4)?;
-    for entry in Integrator::NAMES.iter().filter(|entry| entry.purpose == Purpose::Production) {
+    for entry in Integrator::NAMES.iter().filter(|entry| entry.kind == IntegratorKind::Production) {
         let error = |state: State| (state.position - reference.position).norm();
         let errors = [error(end(entry.name, 0.02)?), error(end(entry.name, 0.01)?)];
         println!(

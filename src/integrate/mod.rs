@@ -26,7 +26,7 @@ pub use motion_adjoint::{
     DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
 };
 pub use recorder::{Recorder, StepRecord, SubInterval};
-pub use registry::{Explicit, Gains, Implicit, Integrator, NamedIntegrator, Purpose};
+pub use registry::{Explicit, Gains, Implicit, Integrator, IntegratorKind, NamedIntegrator};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
 pub use step_estimates::{StepEstimates, step_error, stiffness};

@@ -61,7 +61,7 @@ impl Gains {
 
 /// Purpose of an integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
+pub enum IntegratorKind {
     /// For use.
     Production,
     /// Method of other simulators, for comparison.
@@ -75,8 +75,8 @@ pub struct NamedIntegrator {
     pub name: &'static str,
     /// Description in one line.
     pub summary: &'static str,
-    /// Purpose.
-    pub purpose: Purpose,
+    /// Its purpose.
+    pub kind: IntegratorKind,
     /// The integrator, with [`Gains::DEFAULT`].
     pub integrator: Integrator,
 }
@@ -96,11 +96,11 @@ const fn implicit(order: usize) -> Integrator {
 }
 
 const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> NamedIntegrator {
-    NamedIntegrator { name, summary, purpose: Purpose::Production, integrator }
+    NamedIntegrator { name, summary, kind: IntegratorKind::Production, integrator }
 }
 
 const fn baseline(name: &'static str, summary: &'static str, integrator: Integrator) -> NamedIntegrator {
-    NamedIntegrator { name, summary, purpose: Purpose::Baseline, integrator }
+    NamedIntegrator { name, summary, kind: IntegratorKind::Baseline, integrator }
 }
 
 const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });

@@ -14,7 +14,7 @@ use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
 use uvms_gym::batch::{ModalAnalysis, stabilities};
 use uvms_gym::dynamics::Servos;
-use uvms_gym::integrate::{Integrator, NamedIntegrator, Purpose};
+use uvms_gym::integrate::{Integrator, IntegratorKind, NamedIntegrator};
 
 /// List the integrators of `Simulator`, the default first.
 ///
@@ -26,12 +26,12 @@ use uvms_gym::integrate::{Integrator, NamedIntegrator, Purpose};
 ///     sub-intervals by their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let entry = |NamedIntegrator { name, summary, integrator, purpose, .. }: NamedIntegrator| {
+    let entry = |NamedIntegrator { name, summary, integrator, kind, .. }: NamedIntegrator| {
         Ok(dict! { py;
             "name": name,
             "summary": summary,
             "order": integrator.order(),
-            "kind": match purpose { Purpose::Production => "production", Purpose::Baseline => "baseline" },
+            "kind": match kind { IntegratorKind::Production => "production", IntegratorKind::Baseline => "baseline" },
             "adaptive": integrator.adaptive(),
             "implicit": integrator.implicit(),
         })

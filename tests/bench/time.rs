@@ -8,7 +8,7 @@ use cases::{Case, PRECISIONS};
 use criterion::{Criterion, criterion_group, criterion_main};
 use uvms_gym::batch::Precision;
 use uvms_gym::description::Scene;
-use uvms_gym::integrate::{Integrator, Purpose};
+use uvms_gym::integrate::{Integrator, IntegratorKind};
 
 const INSTANCES: usize = 512;
 const SUBSTEPS: usize = 5;
@@ -34,7 +34,7 @@ fn steps(criterion: &mut Criterion) {
             time(criterion, scene, Integrator::NAMES[0].name, precision);
         }
     }
-    for entry in Integrator::NAMES.iter().skip(1).filter(|entry| entry.purpose == Purpose::Production) {
+    for entry in Integrator::NAMES.iter().skip(1).filter(|entry| entry.kind == IntegratorKind::Production) {
         for precision in PRECISIONS {
             time(criterion, "petasus-pum", entry.name, precision);
         }

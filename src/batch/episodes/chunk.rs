@@ -162,7 +162,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
 
     /// Starts the next episode of instance `k`.
     fn begin(&mut self, k: usize) {
-        let (episode, state) = self.context.task.begin(self.slots[k].next);
+        let (episode, state) = self.context.task.begin(self.slots[k].next());
         self.part.set_state(k, &state);
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
         if let Some(factors) = self.context.task.factors(episode.key(), &StartOverride::default()) {

@@ -1,12 +1,11 @@
-//! Current and next episode of an instance.
+//! Episode of an instance.
 
 use crate::error::TaskError;
 use crate::task::{Episode, EpisodeKey, EpisodeRows};
 
-/// Current episode of an instance, and the key of the next one.
+/// Current episode of an instance; before the first, the key of that one.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct EpisodeSlot {
-    pub next: EpisodeKey,
     pub key: EpisodeKey,
     /// Completed control periods.
     pub step: u32,
@@ -17,48 +16,41 @@ pub(super) struct EpisodeSlot {
 }
 
 impl EpisodeSlot {
-    /// Count of the numbers before the episode's numbers.
-    const HEAD: usize = 6;
-
     /// At the start of an episode.
     pub fn of(key: EpisodeKey) -> Self {
-        Self { next: key.following(), key, step: 0, begun: true, over: false }
+        Self { key, step: 0, begun: true, over: false }
     }
 
     /// Before the first episode.
-    pub fn before(next: EpisodeKey) -> Self {
-        Self { next, key: next, ..Self::default() }
+    pub fn before(key: EpisodeKey) -> Self {
+        Self { key, ..Self::default() }
+    }
+
+    /// Key of the next episode.
+    pub fn next(&self) -> EpisodeKey {
+        if self.begun { self.key.following() } else { self.key }
     }
 
     /// The slot and its episode as plain numbers.
     pub fn to_numbers(&self, episode: &Episode) -> Vec<f64> {
-        let EpisodeKey { seed, episode: number } = self.next;
-        let halves = |x: u64| [f64::from(x as u32), f64::from((x >> 32) as u32)];
-        let flags = [f64::from(u8::from(self.over)), f64::from(u8::from(self.begun))];
-        [halves(seed), halves(number), flags].concat().into_iter().chain(episode.to_numbers()).collect()
+        let flags = [self.over, self.begun].map(|flag| f64::from(u8::from(flag)));
+        flags.into_iter().chain(episode.to_numbers()).collect()
     }
 
     /// Count of these numbers.
     pub fn width(rows: EpisodeRows) -> usize {
-        Self::HEAD + Episode::blank(EpisodeKey::default(), rows).to_numbers().len()
+        Self::default().to_numbers(&Episode::blank(EpisodeKey::default(), rows)).len()
     }
 
     /// Slot and episode of [`Self::to_numbers`].
     pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<(Self, Episode), TaskError> {
-        let (head, episode) = numbers.split_at(Self::HEAD);
-        let integer = |k: usize| {
-            let n = head[k] as u32;
-            if f64::from(n) == head[k] { Ok(n) } else { Err(TaskError::Saved(format!("{} is not a count", head[k]))) }
+        let flag = |x: f64| match x {
+            0.0 => Ok(false),
+            1.0 => Ok(true),
+            _ => Err(TaskError::Saved(format!("{x} is not a count of 0 or 1"))),
         };
-        let join = |k: usize| Ok::<u64, TaskError>(u64::from(integer(k)?) | u64::from(integer(k + 1)?) << 32);
-        let episode = Episode::from_numbers(rows, episode)?;
-        let slot = Self {
-            next: EpisodeKey { seed: join(0)?, episode: join(2)? },
-            key: episode.key(),
-            step: episode.step(),
-            over: integer(4)? != 0,
-            begun: integer(5)? != 0,
-        };
-        Ok((slot, episode))
+        let (over, begun, episode) =
+            (flag(numbers[0])?, flag(numbers[1])?, Episode::from_numbers(rows, &numbers[2..])?);
+        Ok((Self { key: episode.key(), step: episode.step(), begun, over }, episode))
     }
 }

@@ -207,7 +207,7 @@ impl TaskBatch {
                 }
                 continue;
             }
-            let key = seeds[i].map_or(slot.next, |seed| EpisodeKey { seed, episode: 0 });
+            let key = seeds[i].map_or(slot.next(), |seed| EpisodeKey { seed, episode: 0 });
             let given = given.get(i).unwrap_or(&none);
             begun.push((i, key, self.task.begin_with(key, given)?, self.task.factors(key, given)));
         }

@@ -14,7 +14,7 @@ use crate::batch::stepping::derivative::Duals;
 use crate::batch::stepping::parameters::StepSettings;
 use crate::batch::storage::inputs::{ActiveLoads, CheckedInputs, Inputs};
 use crate::error::SimulatorError;
-use crate::integrate::{Integrator, Purpose};
+use crate::integrate::{Integrator, IntegratorKind};
 use crate::lane::Isa;
 use crate::limits::memory;
 use crate::system::Factors;
@@ -123,7 +123,7 @@ impl Simulator {
             return Err(SimulatorError::DerivativeLanes);
         }
         if self.integrator.needs_baseline_terms() {
-            let production = Integrator::NAMES.into_iter().filter(|entry| entry.purpose == Purpose::Production);
+            let production = Integrator::NAMES.into_iter().filter(|entry| entry.kind == IntegratorKind::Production);
             let (name, known) = (self.options.integrator.clone(), production.map(|entry| entry.name).collect());
             return Err(SimulatorError::DerivativeIntegrator { name, known });
         }

@@ -10,7 +10,7 @@ use uvms_gym::batch::insides::{
 };
 use uvms_gym::control::Allocation;
 use uvms_gym::description::Scene;
-use uvms_gym::integrate::{Gains, Integrator, Purpose};
+use uvms_gym::integrate::{Gains, Integrator, IntegratorKind};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::{FACTORS, Factors, Flow, compile};
 
@@ -77,7 +77,7 @@ pub fn with_case(
 }
 
 pub fn production() -> impl Iterator<Item = &'static str> {
-    Integrator::NAMES.into_iter().filter(|entry| entry.purpose == Purpose::Production).map(|entry| entry.name)
+    Integrator::NAMES.into_iter().filter(|entry| entry.kind == IntegratorKind::Production).map(|entry| entry.name)
 }
 
 /// The shipped scenes, one with all terms of thrusters, one with prescribed joints, and random ones, with all terms of joints.

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use uvms_gym::batch::{Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::integrate::{Integrator, Purpose};
+use uvms_gym::integrate::{Integrator, IntegratorKind};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::{Factors, State};
 
@@ -59,7 +59,7 @@ const MARK: &str = "digest: ";
 fn digests_of_whole_steps() {
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
-        for entry in Integrator::NAMES.iter().filter(|entry| entry.purpose == Purpose::Production) {
+        for entry in Integrator::NAMES.iter().filter(|entry| entry.kind == IntegratorKind::Production) {
             for (precision, varied) in
                 [Precision::Double, Precision::Single].into_iter().flat_map(|p| [(p, false), (p, true)])
             {
