@@ -38,7 +38,7 @@ pub mod insides {
     pub use super::stepping::step::Step;
     pub use super::stepping::threads::for_each;
     pub use super::storage::aligned::{Aligned, LINE};
-    pub use super::storage::inputs::{CheckedInputs, InstanceLoads};
+    pub use super::storage::inputs::CheckedInputs;
     pub use super::storage::layout::Layout;
     pub use super::storage::table::Table;
 }

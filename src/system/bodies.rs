@@ -51,13 +51,8 @@ fn rigid_inertia(mass: f64, com: &na::Vector3<f64>, about_com: &na::Matrix3<f64>
     let cross = com.cross_matrix();
     let about_origin = about_com - mass * cross * cross;
     SpatialInertia::from_entries(|i, k| match (i < 3, k < 3) {
-        (true, true) => {
-            if i == k {
-                mass
-            } else {
-                0.0
-            }
-        }
+        (true, true) if i == k => mass,
+        (true, true) => 0.0,
         (true, false) => -mass * cross[(i, k - 3)],
         (false, true) => -mass * cross[(k, i - 3)],
         (false, false) => about_origin[(i - 3, k - 3)],

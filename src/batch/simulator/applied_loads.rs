@@ -68,9 +68,8 @@ impl Simulator {
 
     fn loads_of(&self, inputs: &CheckedInputs, i: usize) -> AppliedLoads {
         let (state, active, compiled) = (self.state(i), inputs.active_loads(), self.compiled_of(i));
-        let mut given = InstanceLoads::default();
         let thrust = self.factors(i).thrust;
-        inputs.fill(i, thrust, &mut given);
+        let given = inputs.loads(i, thrust);
         let mut vehicle = Vector6::from(inputs.wrench(i));
         if active.station {
             vehicle += station_wrench(&compiled, &state, &given);

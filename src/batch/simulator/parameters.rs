@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::Simulator;
-use crate::batch::storage::inputs::{CheckedInputs, Inputs, InstanceLoads};
+use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::dynamics::aba::ArmLoads;
@@ -98,8 +98,7 @@ impl Simulator {
     }
 
     pub(super) fn linearize_checked(&self, inputs: &CheckedInputs, i: usize) -> Linearization {
-        let mut given = InstanceLoads::default();
-        inputs.fill(i, self.factors(i).thrust, &mut given);
+        let given = inputs.loads(i, self.factors(i).thrust);
         let mut loads = ArmLoads::none();
         loads.torque = given.torque;
         loads.on_links = inputs.active_loads().link_wrenches;

@@ -1,7 +1,7 @@
 //! Inputs to loads: from numbers by instance to rows of blocks.
 
 use super::columns::Columns;
-use super::inputs::{CheckedInputs, InstanceLoads};
+use super::inputs::CheckedInputs;
 use super::table::Table;
 use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real, transpose};
@@ -15,7 +15,7 @@ const STATION: usize = 12;
 const SCRATCH: usize = THRUSTERS;
 
 /// One number of each instance of a block. In f64 in either precision of the rows, by operations that are rounded one by one
-/// in the order of [`CheckedInputs::fill`]: loads have the same bits on every instruction set.
+/// in the order of [`CheckedInputs::loads`]: loads have the same bits on every instruction set.
 type Row = [f64; WIDEST];
 
 impl Table {
@@ -28,9 +28,8 @@ impl Table {
             }
         }
         if inputs.own_actuators() {
-            let mut loads = InstanceLoads::default();
             for i in 0..count {
-                inputs.fill(first + i, self.factors(rows, i).thrust, &mut loads);
+                let loads = inputs.loads(first + i, self.factors(rows, i).thrust);
                 self.set_actuators(rows, i, &loads);
             }
         }

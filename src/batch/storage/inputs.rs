@@ -230,9 +230,8 @@ impl<'a> CheckedInputs<'a> {
     }
 
     /// Loads of instance `i` with a factor `thrust` on its thrusts.
-    pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
-        let (n, inputs) = (self.joints, &self.inputs);
-        loads.wrench = [0.0; 6];
+    pub fn loads(&self, i: usize, thrust: f64) -> InstanceLoads {
+        let (n, inputs, mut loads) = (self.joints, &self.inputs, InstanceLoads::default());
         if self.commands {
             loads.command = self.thrust(i, 1.0);
         } else if inputs.thrust.is_some() {
@@ -252,7 +251,6 @@ impl<'a> CheckedInputs<'a> {
         for k in 0..n {
             loads.torque[k] = self.row(inputs.joint_torque, n, i).map_or(0.0, |t| t[k]);
             if let Some(target) = self.row(inputs.joint_target, n * self.terms, i) {
-                loads.target[k] = [0.0; 4];
                 loads.target[k][..self.terms].copy_from_slice(&target[k * self.terms..(k + 1) * self.terms]);
             }
         }
@@ -260,5 +258,6 @@ impl<'a> CheckedInputs<'a> {
             loads.station.1 = na::Vector3::from_column_slice(&station[..3]);
             loads.station.0 = na::Matrix3::from_row_slice(&station[3..]);
         }
+        loads
     }
 }

@@ -1,6 +1,6 @@
 //! Inputs to loads: from numbers by instance to rows of blocks.
 
-use uvms_gym::batch::insides::{Blocks, CheckedInputs, InstanceLoads, Storage, Table};
+use uvms_gym::batch::insides::{Blocks, CheckedInputs, Storage, Table};
 use uvms_gym::batch::{Inputs, Precision, SimulatorOptions};
 use uvms_gym::control::Allocation;
 use uvms_gym::description::Scene;
@@ -63,8 +63,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
             let rows = &*rows;
 
             for i in 0..instances {
-                let mut loads = InstanceLoads::default();
-                applied.fill(i, table.factors(rows, i).thrust, &mut loads);
+                let loads = applied.loads(i, table.factors(rows, i).thrust);
                 let same = |row: usize, values: &[f64], what: &str| {
                     for (k, x) in values.iter().enumerate() {
                         let (got, expected) = (table.get(rows, i, row + k), T::from_f64(*x).to_f64());
