@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
 use super::dense::{DenseBody, DensePose, EndStop, friction, relative_twist};
 use super::dynamical_balance::{Composite, Equations};
-use crate::description::{Arm, Body, Scene, Thruster, Vehicle};
+use crate::description::{Arm, Body, Scene, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 use crate::terms::{DenseInstant, PerTerm};
@@ -64,10 +64,11 @@ impl ClosedFormModel {
         if system.joints() > JOINTS {
             return Err(DynamicsError::Joints { joints: system.joints(), max: JOINTS });
         }
+        let thrusters = &scene.vehicle.thrusters;
         Ok(Self {
             system,
             arm,
-            thruster_configuration: thruster_configuration(&scene.vehicle.thrusters),
+            thruster_configuration: DMatrix::from_fn(6, thrusters.len(), |i, k| thrusters[k].wrench()[i]),
             fixed: scene.vehicle.fixed,
             vehicle: scene.vehicle.clone(),
             density: scene.water.density,
@@ -104,14 +105,6 @@ fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
         let body = Composite::rigid_body(DenseBody::new(&link.body, &scene.water));
         arm.joint_loading(carrier, DensePose::identity(), link.joint.clone(), body)
     })
-}
-
-fn thruster_configuration(thrusters: &[Thruster]) -> DMatrix<f64> {
-    let mut map = DMatrix::zeros(6, thrusters.len());
-    for (mut column, thruster) in map.column_iter_mut().zip(thrusters) {
-        column.copy_from(&thruster.wrench());
-    }
-    map
 }
 
 /// Applied thrusts, wrenches, torques and fin deflections; an empty slice stands for zeros.
@@ -268,6 +261,10 @@ impl ClosedForm<'_> {
         DVector::from_fn(self.joints(), |i, _| friction(self.equations.joints[i], self.qd[i]))
     }
 
+    pub(super) fn end_stops(&self) -> impl Iterator<Item = EndStop> {
+        self.equations.joints.iter().enumerate().map(|(i, joint)| EndStop::new(joint, self.q[i], self.qd[i]))
+    }
+
     /// Wrench of the water's acceleration a_c per moving body: pressure gradient (Froude-Krylov) and added mass, whose V_r'
     /// contains `-[R^T a_c; 0]`.
     pub fn flow_acceleration(&self) -> Vec<Vector6<f64>> {
@@ -284,12 +281,8 @@ impl ClosedForm<'_> {
     pub fn joint_torques(&self, loads: &Loads) -> Result<JointTorques, DynamicsError> {
         let n = self.joints();
         let command = DVector::from_vec(filled("joint command", loads.joint_command, n, 0.0)?);
-        let joints = &self.equations.joints;
         let friction = self.friction();
-        let end_stop = DVector::from_fn(n, |i, _| {
-            let stop = EndStop::new(joints[i], self.q[i], self.qd[i]);
-            stop.elastic + stop.damping
-        });
+        let end_stop = DVector::from_iterator(n, self.end_stops().map(|stop| stop.elastic + stop.damping));
         let sum = &friction + &end_stop + &command;
         Ok(JointTorques { friction, end_stop, command, sum })
     }

@@ -21,7 +21,7 @@
 //! `M = J_p^T M_p J_p + J_c^T M_c J_c + e_0 J_0 e_0^T`, `b = J_p^T b_p + J_c^T (b_c + M_c J_c' nu)`,
 //! `W = [J_p^T W_p, J_c^T W_c]` and `L = [J_p^T L_p, e_0, J_c^T L_c]`. Composites can therefore be composed in any order.
 
-use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3, Vector6};
 
 use super::dense::{DenseBody, DensePose, ad, joint_axis, joint_pose};
 use crate::description::Joint;
@@ -176,7 +176,7 @@ impl<'a> Equations<'a> {
             in_carrier: DensePose::identity(),
         };
         Self {
-            mass_matrix: to_dynamic(&body.inertia()),
+            mass_matrix: DMatrix::from_column_slice(6, 6, body.inertia().as_slice()),
             bias: DVector::from_column_slice(body.bias(twist, water).as_slice()),
             wrench_influence: DMatrix::identity(6, 6),
             torque_influence: DMatrix::zeros(6, 0),
@@ -219,8 +219,10 @@ impl<'a> Equations<'a> {
             mass_matrix[(size_p, size_p)] += joint.rotor_inertia;
         }
         let bias = jacobian_p.tr_mul(&parent.bias) + jacobian_c.tr_mul(&(&child.bias + &child.mass_matrix * &drift_c));
-        let wrench_influence =
-            side_by_side(&[jacobian_p.tr_mul(&parent.wrench_influence), jacobian_c.tr_mul(&child.wrench_influence)]);
+        let columns = parent.wrench_influence.ncols();
+        let mut wrench_influence = DMatrix::zeros(size, columns + child.wrench_influence.ncols());
+        wrench_influence.columns_mut(0, columns).copy_from(&jacobian_p.tr_mul(&parent.wrench_influence));
+        wrench_influence.columns_range_mut(columns..).copy_from(&jacobian_c.tr_mul(&child.wrench_influence));
         let mut torque_influence = DMatrix::zeros(size, n_p + own + n_c);
         torque_influence.columns_mut(0, n_p).copy_from(&jacobian_p.tr_mul(&parent.torque_influence));
         torque_influence.view_mut((size_p, n_p), (own, own)).fill_with_identity();
@@ -247,16 +249,4 @@ impl<'a> Equations<'a> {
         joints.extend(child.joints);
         Self { mass_matrix, bias, wrench_influence, torque_influence, bodies, joints }
     }
-}
-
-fn to_dynamic(m: &Matrix6<f64>) -> DMatrix<f64> {
-    DMatrix::from_column_slice(6, 6, m.as_slice())
-}
-
-fn side_by_side(blocks: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
-    let [a, b] = blocks;
-    let mut joined = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
-    joined.columns_mut(0, a.ncols()).copy_from(a);
-    joined.columns_mut(a.ncols(), b.ncols()).copy_from(b);
-    joined
 }

@@ -6,7 +6,7 @@
 use nalgebra::{DVector, Vector3, Vector6};
 
 use super::closed_form::{ClosedForm, Loads};
-use super::dense::{EndStop, angular, linear, stack};
+use super::dense::relative_twist;
 use crate::error::DynamicsError;
 use crate::system::State;
 use crate::terms::PerTerm;
@@ -97,10 +97,6 @@ impl ClosedForm<'_> {
             joint_command: self.qd.dot(&torques.command),
         })
     }
-
-    fn end_stops(&self) -> impl Iterator<Item = EndStop> {
-        self.equations.joints.iter().enumerate().map(|(i, joint)| EndStop::new(joint, self.q[i], self.qd[i]))
-    }
 }
 
 /// `state` as seen by an observer who has drifted with the water since time 0; `current` in world axes, m/s.
@@ -108,7 +104,7 @@ pub fn relative_to_water(state: &State, current: &Vector3<f64>) -> State {
     let water = state.rotation.tr_mul(current);
     State {
         position: state.position - current * state.time,
-        twist: stack(&(linear(&state.twist) - water), &angular(&state.twist)),
+        twist: relative_twist(&state.twist, &water),
         ..state.clone()
     }
 }

@@ -12,7 +12,6 @@
 use nalgebra::{DMatrix, DVector, Vector6};
 
 use super::closed_form::ClosedForm;
-use super::dense::EndStop;
 use crate::error::DynamicsError;
 use crate::system::{Flow, State};
 
@@ -74,8 +73,8 @@ impl ClosedForm<'_> {
         // Still water, in the frame that moves with the current.
         let still = Flow::from(nalgebra::Vector3::zeros());
         let form = self.model.at(&state, still);
-        let (influence, joints) = (form.wrench_influence(), &form.equations.joints);
-        let stops: Vec<_> = (0..n).map(|i| EndStop::new(joints[i], form.q[i], form.qd[i])).collect();
+        let influence = form.wrench_influence();
+        let stops: Vec<_> = form.end_stops().collect();
         let friction = form.friction();
         let generalized = |wrenches: &[Vector6<f64>], torque: &dyn Fn(usize) -> f64| {
             let stacked = DVector::from_iterator(6 * wrenches.len(), wrenches.iter().flatten().copied());
