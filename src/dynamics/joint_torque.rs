@@ -44,7 +44,7 @@ pub fn joint_torque<L: Lane, P: Param<L>, B>(
 /// Rate that a linearly implicit step of size `h` lost or gained of a joint of this inertia at an end stop, where `h` times the frequency
 /// of the joint at the stop is beyond `range`; from coordinates and rates at its start and its end.
 ///
-/// The rate is the one that the joint has or gets from its stop, `sqrt(q'^2 + k/m p^2)` at a depth p. A stop returns `1 / (1 + c v / k)`
+/// The rate is the joint's rate outside of its stop: `sqrt(q'^2 + k/m p^2)` from a depth p. A stop returns `1 / (1 + c v / k)`
 /// of a rate v, within a tenth; the damping d of friction and servo leaves `(1 - zeta)^3` of it, with `zeta = d / (2 sqrt(k m))`,
 /// within 0.04.
 #[inline(always)]

@@ -53,8 +53,8 @@ impl Linearization {
         let dynamics = |row: usize| rates + row;
         let moves = |m: &DMatrix<f64>, k: usize| m.row(dynamics(k)).iter().any(|&x| x != 0.0);
         let free: Vec<usize> = (0..rates).filter(|&k| moves(&self.a, k) || moves(&self.b, k)).collect();
-        let felt = |&k: &usize| free.iter().any(|&row| self.a[(dynamics(row), k)] != 0.0);
-        let coordinates: Vec<usize> = free.iter().copied().filter(felt).collect();
+        let acts = |&k: &usize| free.iter().any(|&row| self.a[(dynamics(row), k)] != 0.0);
+        let coordinates: Vec<usize> = free.iter().copied().filter(acts).collect();
 
         let (c, size) = (coordinates.len(), coordinates.len() + free.len());
         let columns: Vec<usize> = coordinates.iter().copied().chain(free.iter().map(|&k| dynamics(k))).collect();

@@ -83,12 +83,12 @@ pub(super) fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]
         let c = coefficients[k];
         values[k] = if const { L::Real::SINGLE } { horner(z, first::<4>(c)) } else { horner(z, first::<6>(c)) };
     });
-    let great = L::c(SMALL).lt(z);
-    if L::any(great) {
+    let large = L::c(SMALL).lt(z);
+    if L::any(large) {
         unroll!(k < K => {
             let c = coefficients[k];
             let all = if const { L::Real::SINGLE } { horner(z, first::<9>(c)) } else { horner(z, c) };
-            values[k] = L::select(great, all, values[k]);
+            values[k] = L::select(large, all, values[k]);
         });
     }
     values
@@ -113,7 +113,7 @@ pub fn exp_se3<L: Lane>(xi: Vector6<L>) -> Pose<L> {
     Pose { rotation, position }
 }
 
-/// `exp([w])^T x`: rotates a vector from the body axes before a rotation `w` (at most pi) to those after it.
+/// `exp([w])^T x`: rotates a vector from the body axes before a rotation `w` (at most pi) to the axes after it.
 #[inline(always)]
 pub fn rotate_back<L: Lane>(w: Vector3<L>, x: Vector3<L>) -> Vector3<L> {
     let z = w.dot(w);
@@ -139,13 +139,13 @@ pub(super) fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
     } else {
         [horner(z, &BERNOULLI), horner(z, &BERNOULLI_SLOPE)]
     };
-    let great = L::c(SMALL).lt(z);
-    if L::any(great) {
+    let large = L::c(SMALL).lt(z);
+    if L::any(large) {
         let [c, p, q] = series(z, [&SERIES.c, &SERIES.p, &SERIES.q]);
         let scale = L::c(0.25) / c;
         let slope = -(q * scale);
-        values[0] = L::select(great, slope.mul_add(z, p * scale), values[0]);
-        values[1] = L::select(great, slope, values[1]);
+        values[0] = L::select(large, slope.mul_add(z, p * scale), values[0]);
+        values[1] = L::select(large, slope, values[1]);
     }
     values
 }

@@ -118,11 +118,11 @@ pub fn dexp_inverse_adjoint<L: Lane>(
 #[inline(always)]
 fn curvature<L: Lane>(z: L) -> L {
     let mut value = horner(z, &BERNOULLI_CURVATURE);
-    let great = L::c(SMALL).lt(z);
-    if L::any(great) {
+    let large = L::c(SMALL).lt(z);
+    if L::any(large) {
         let [c, q, c_slope, q_slope] = series(z, [&SERIES.c, &SERIES.q, &C_SLOPE, &Q_SLOPE]);
         let over_c = L::c(1.0) / c;
-        value = L::select(great, (q * c_slope * over_c - q_slope) * over_c * L::c(0.25), value);
+        value = L::select(large, (q * c_slope * over_c - q_slope) * over_c * L::c(0.25), value);
     }
     value
 }
