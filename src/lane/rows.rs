@@ -6,7 +6,8 @@ use super::number::{Lane, Real};
 
 /// A group of columns of a table, one per lane.
 pub struct Rows<'a, T> {
-    numbers: &'a mut [T],
+    /// The table; for dual numbers the rows of values, then the rows of slopes.
+    pub numbers: &'a mut [T],
     /// Number of columns of the table.
     width: usize,
     /// First column of the group.
@@ -26,23 +27,28 @@ impl<'a, T: Real> Rows<'a, T> {
         Self { numbers, width: 1, first: 0 }
     }
 
-    /// Reads a row.
+    /// A row; NaN beyond the table (a panic would need a call, which costs registers).
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        let at = row * self.width + self.first;
-        if L::SLOPES
-            && let Some(x) = L::read(self.numbers, at)
-        {
-            return x;
-        }
-        L::load(&self.numbers[at..])
+        let numbers = L::read(self.numbers, row * self.width + self.first);
+        debug_assert!(numbers.is_some(), "row {row}");
+        if let Some(numbers) = numbers { numbers } else { L::c(f64::NAN) }
     }
 
-    /// Sets a row.
+    /// Sets a row; does nothing beyond the table.
     #[inline(always)]
     pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
         let at = row * self.width + self.first;
-        if L::SLOPES { x.write(self.numbers, at) } else { x.store(&mut self.numbers[at..]) }
+        debug_assert!(at + L::LANES <= self.numbers.len(), "row {row}");
+        x.write(self.numbers, at);
+    }
+
+    /// Sets rows from number `row` on to the first `count` entries.
+    #[inline(always)]
+    pub fn set_some<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
+        for k in 0..count.min(K) {
+            self.set(row + k, x[k]);
+        }
     }
 
     /// Reads K consecutive rows. (Sliced once, so that the compiler needs no further bounds checks.)

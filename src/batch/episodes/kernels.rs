@@ -6,8 +6,8 @@ use super::outputs::Outputs;
 use crate::batch::storage::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Routine, Rows, prefetch_after, transpose};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::system::{Factors, JOINTS};
+use crate::lie::{Pose, Vector6};
+use crate::system::JOINTS;
 use crate::task::disturbance::Forcing;
 use crate::task::observation::LONGEST;
 use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, TaskDefinition, TaskKernel};
@@ -44,19 +44,11 @@ impl<T: Real, K: TaskDefinition> EpisodeBlocks<'_, T, K> {
 /// State of a group of instances.
 #[inline(always)]
 fn stage_state<L: Lane>(layout: &Layout, physics: &Rows<'_, L::Real>) -> StageState<L> {
-    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = physics.get_all(layout.rotation);
-    let rotation = Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]);
     let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
-    for k in 0..layout.joints {
-        q[k] = physics.get(layout.q + k);
-        qd[k] = physics.get(layout.qd + k);
-    }
-    StageState {
-        pose: Pose { rotation, position: Vector3(physics.get_all(layout.position)) },
-        twist: Vector6::from_array(physics.get_all(layout.twist)),
-        q,
-        qd,
-    }
+    physics.joints(layout.q, layout.joints, &mut q);
+    physics.joints(layout.qd, layout.joints, &mut qd);
+    let pose = Pose { rotation: physics.matrix(layout.rotation), position: physics.vector(layout.position) };
+    StageState { pose, twist: physics.six(layout.twist), q, qd }
 }
 
 /// Applies actions: thrusts and servo targets become the loads of the coming steps.
@@ -112,7 +104,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
                 }
                 physics.set_all(layout.wrench, &disturbing.to_array());
             } else {
-                let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
+                let thrust = physics.factors::<L>(layout).thrust;
                 physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
             }
             if K::DRIVES_JOINTS {

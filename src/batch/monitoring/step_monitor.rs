@@ -8,12 +8,11 @@ use super::step_quality::{
     StepViolation, Violations,
 };
 use crate::batch::options::{Precision, SimulatorOptions};
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;
 use crate::dynamics::Servos;
 use crate::integrate::{StepEstimates, step_error, stiffness};
-use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lane::{Isa, Kernel, Lane, Real, Rows};
 
 impl Table {
     /// Violations of the limits by the last steps of `count` instances.
@@ -71,7 +70,7 @@ impl<T: Real> Kernel<T> for FindViolation<'_, T> {
                 if k * T::BLOCK + first >= self.count {
                     break;
                 }
-                let columns = Columns { rows: &mut *rows, first };
+                let columns = Rows::of_block(&mut *rows, first);
                 // Zero times each number of the state (the rows before the time): NaN for one that is not finite. In four
                 // sums, which need not wait for each other.
                 let mut sums = [L::zero(); 4];

@@ -1,12 +1,11 @@
 //! Kernel of accelerations without stepping.
 
 use super::step::{Step, shift_twist};
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
-use crate::lane::{Kernel, Lane, Real, get_all};
+use crate::lane::{Kernel, Lane, Real, Rows, get_all};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{InstanceSystem, JOINTS};
 use crate::terms::{FinAxes, TermInstant};
@@ -39,7 +38,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 if k * T::BLOCK + first >= count {
                     break;
                 }
-                let columns = Columns { rows: &mut *rows, first };
+                let columns = Rows::of_block(&mut *rows, first);
                 columns.motion::<_, false>(layout, &mut motion);
                 columns.loads(layout, active, &mut loads);
                 let factors = &columns.factors(layout);
@@ -85,9 +84,9 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
                 twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
-                let mut out = Columns { rows: &mut *out, first };
-                out.set_all(0, &twist_rate.to_array(), 6);
-                out.set_all(6, &qdd, layout.joints);
+                let mut out = Rows::of_block(&mut *out, first);
+                out.set_some(0, &twist_rate.to_array(), 6);
+                out.set_some(6, &qdd, layout.joints);
             }
         }
     }

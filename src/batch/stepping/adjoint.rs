@@ -12,11 +12,10 @@ use super::derivative::{DerivativeColumn, StartColumn};
 use super::parameters::{ScratchPool, StepSettings};
 use super::reverse::ReverseMemory;
 use super::step::Step;
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::error::OutOfMemory;
-use crate::lane::{Kernel, Lane, Real, Tape};
+use crate::lane::{Kernel, Lane, Real, Rows, Tape};
 use crate::limits::{interrupt, memory};
 
 /// Columns of a block.
@@ -125,7 +124,7 @@ impl Kernel<f64> for Reverse<'_, '_> {
                 break;
             }
             let instances = &mut **instances;
-            let mut columns = Columns { rows: &mut *rows, first };
+            let mut columns = Rows::of_block(&mut *rows, first);
             let factors = columns.factors(step.layout);
             if let Some(own) = &step.own {
                 let (at, factors) = ([self.block, first], &factors);
@@ -150,8 +149,8 @@ impl Kernel<f64> for Reverse<'_, '_> {
             if portions.next < end || self.failure.is_err() {
                 break;
             }
-            (self.seed)(&mut *self.of, &*columns.rows, first..(first + L::LANES).min(step.count));
-            let of = &mut Columns { rows: &mut *self.of, first };
+            (self.seed)(&mut *self.of, &*columns.numbers, first..(first + L::LANES).min(step.count));
+            let of = &mut Rows::of_block(&mut *self.of, first);
             step.reverse_group(instances, &columns, of, &mut reverse, self.factors);
         }
         step.return_memory(memory, Some(ManuallyDrop::into_inner(instances)));

@@ -12,11 +12,10 @@ use super::blocks::Blocks;
 use super::parameters::StepSettings;
 use super::step::Step;
 use super::threads::for_each;
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::batch::storage::table::Table;
-use crate::lane::{Dual, Kernel, Lane, Real};
+use crate::lane::{Dual, Kernel, Lane, Real, Rows};
 use crate::limits::interrupt;
 
 /// Columns of a block.
@@ -241,7 +240,7 @@ pub fn step_pairs<L: Lane<Real = f64>>(step: &Step<f64>, rows: &mut [f64]) {
     let mut instances = ManuallyDrop::new(instances);
     for first in (0..COLUMNS).step_by(L::LANES) {
         let (true, Some(instances)) = (first < step.count, &mut *instances) else { break };
-        let mut columns = Columns { rows: &mut *rows, first };
+        let mut columns = Rows::of_block(&mut *rows, first);
         let factors = columns.factors(step.layout);
         let body_frame_terms = step.integrator.implicit();
         if let Some(own) = &step.own {

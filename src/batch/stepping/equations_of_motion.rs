@@ -3,14 +3,13 @@
 use std::hint::cold_path;
 
 use super::joint_coordinates::JointSums;
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::dynamics::lost_bounce;
 use crate::hydro::{ThrustProfile, ThrustProfiles};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param, Real, unroll};
+use crate::lane::{Lane, Param, Real, Rows, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 use crate::terms::{FinAxes, TermInstant};
@@ -128,7 +127,7 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
     }
 }
 
-impl<T: Real> Columns<'_, T> {
+impl<T: Real> Rows<'_, T> {
     /// The vehicle's servo.
     #[inline(always)]
     pub fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> StationServo<L> {

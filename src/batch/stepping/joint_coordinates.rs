@@ -2,11 +2,10 @@
 
 use std::hint::cold_path;
 
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::ArmLoads;
 use crate::integrate::Motion;
-use crate::lane::{Lane, Real};
+use crate::lane::{Lane, Real, Rows};
 use crate::system::{JOINTS, System};
 
 /// Sums of the joints' increments. In single precision a step integrates only the increments, from 0: a coordinate of many
@@ -80,7 +79,7 @@ impl<L: Lane> JointSums<L> {
     }
 }
 
-impl<T: Real> Columns<'_, T> {
+impl<T: Real> Rows<'_, T> {
     /// Loads the sums.
     #[inline(always)]
     pub fn joint_sums<L: Lane<Real = T>>(&self, layout: &Layout, sums: &mut JointSums<L>) {
@@ -94,7 +93,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     pub fn set_joint_sums<L: Lane<Real = T>>(&mut self, layout: &Layout, sums: &JointSums<L>) {
         if T::SINGLE {
-            self.set_all(layout.q_rest, &sums.rest, layout.joints);
+            self.set_some(layout.q_rest, &sums.rest, layout.joints);
         }
     }
 }

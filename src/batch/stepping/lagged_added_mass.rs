@@ -10,12 +10,11 @@
 //! `M_A / m < 2 / alpha - 1`.
 
 use super::equations_of_motion::EquationsOfMotion;
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::link_twists;
 use crate::integrate::Motion;
-use crate::lane::{Lane, Param, Real, unroll};
+use crate::lane::{Lane, Param, Real, Rows, unroll};
 use crate::lie::Vector6;
 use crate::system::{JOINTS, UnscaledBodyTerms};
 
@@ -86,7 +85,7 @@ impl<P> LaggedAddedMass<'_, P> {
     }
 }
 
-impl<T: Real> Columns<'_, T> {
+impl<T: Real> Rows<'_, T> {
     /// Loads the state of the filter.
     #[inline(always)]
     pub fn lag_state<L: Lane<Real = T>>(&self, layout: &Layout, active: ActiveLoads, state: &mut LagState<L>) {
@@ -108,8 +107,8 @@ impl<T: Real> Columns<'_, T> {
         self.set(layout.lag, state.begun);
         for i in 0..=layout.joints.min(JOINTS) {
             let row = layout.lag + 1 + 12 * i;
-            self.set_all(row, &state.last[i][0].to_array(), 6);
-            self.set_all(row + 6, &state.last[i][1].to_array(), 6);
+            self.set_some(row, &state.last[i][0].to_array(), 6);
+            self.set_some(row + 6, &state.last[i][1].to_array(), 6);
         }
     }
 }

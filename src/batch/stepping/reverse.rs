@@ -5,14 +5,13 @@ use super::equations_of_motion::EquationsOfMotion;
 use super::equations_of_motion_adjoint::{EquationsAdjoint, InputCotangents};
 use super::joint_coordinates::JointSums;
 use super::step::Step;
-use crate::batch::storage::columns::Columns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
 use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustProfiles, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{
     ExplicitAdjoint, ImplicitAdjoint, Integrator, MethodAdjoint, Motion, MotionCotangents, StepRecord,
 };
-use crate::lane::{Lane, Real, Routine, Tape};
+use crate::lane::{Lane, Real, Routine, Rows, Tape};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::limits::interrupt;
 use crate::system::{InstanceSystem, JOINTS, System};
@@ -94,9 +93,9 @@ fn turn_of<L: Lane>(rotation: &Matrix3<L>, x: Vector3<L>, of: Vector3<L>) -> Vec
 
 /// Sets the cotangents of a rotation's entries that give this cotangent of delta in `R exp([delta])`: `R [turn] / 2`.
 #[inline(always)]
-fn set_rotation<L: Lane>(of: &mut Columns<L::Real>, row: usize, rotation: &Matrix3<L>, turn: Vector3<L>) {
+fn set_rotation<L: Lane>(of: &mut Rows<L::Real>, row: usize, rotation: &Matrix3<L>, turn: Vector3<L>) {
     for i in 0..3 {
-        of.set_all(row + 3 * i, &Vector3(rotation.0[i]).cross(turn).scale(L::c(0.5)).0, 3);
+        of.set_some(row + 3 * i, &Vector3(rotation.0[i]).cross(turn).scale(L::c(0.5)).0, 3);
     }
 }
 
@@ -127,8 +126,8 @@ impl<T: Real> Step<'_, T> {
     pub(super) fn reverse_group<L: Lane<Real = T>>(
         &self,
         instances: &InstanceSystem<L>,
-        columns: &Columns<T>,
-        of_columns: &mut Columns<T>,
+        columns: &Rows<T>,
+        of_columns: &mut Rows<T>,
         memory: &mut ReverseMemory<L>,
         of_factors: bool,
     ) {
@@ -276,8 +275,8 @@ impl<T: Real> Step<'_, T> {
             }
             let sums =
                 propulsion.command_adjoint(thrusters, &commands, &gains, (h, factors.thruster_lag), of_thrusters);
-            of_columns.set_all(layout.command, &sums.commands, layout.thrusters);
-            of_columns.set_all(layout.thrust, &of_thrusters.thrust, layout.thrusters);
+            of_columns.set_some(layout.command, &sums.commands, layout.thrusters);
+            of_columns.set_some(layout.thrust, &of_thrusters.thrust, layout.thrusters);
             for k in 0..layout.thrusters.min(THRUSTERS) {
                 of.factors.thrust = kept[k].mul_add(sums.gains[k], of.factors.thrust);
             }
@@ -285,27 +284,27 @@ impl<T: Real> Step<'_, T> {
         }
         if !system.terms.fins.is_empty() {
             let of_fins = surfaces.deflect_adjoint(&of.surfaces, layout.fins);
-            of_columns.set_all(layout.fin, &of_fins, layout.fins);
+            of_columns.set_some(layout.fin, &of_fins, layout.fins);
         }
         // State before the steps.
         set_rotation(of_columns, layout.rotation, &rotation, of_motion.turn);
-        of_columns.set_all(layout.position, &of_motion.position.0, 3);
-        of_columns.set_all(layout.twist, &of_motion.twist.to_array(), 6);
-        of_columns.set_all(layout.q, &of_motion.q, n);
-        of_columns.set_all(layout.qd, &of_motion.qd, n);
+        of_columns.set_some(layout.position, &of_motion.position.0, 3);
+        of_columns.set_some(layout.twist, &of_motion.twist.to_array(), 6);
+        of_columns.set_some(layout.q, &of_motion.q, n);
+        of_columns.set_some(layout.qd, &of_motion.qd, n);
         // Loads, factors, and the target of the vehicle's servo.
-        of_columns.set_all(layout.wrench, &of.wrench.to_array(), 6);
-        of_columns.set_all(layout.torque, &of.loads.torque, n);
+        of_columns.set_some(layout.wrench, &of.wrench.to_array(), 6);
+        of_columns.set_some(layout.torque, &of.loads.torque, n);
         for k in 0..n {
-            of_columns.set_all(layout.target + 4 * k, &of.loads.target[k], 4);
+            of_columns.set_some(layout.target + 4 * k, &of.loads.target[k], 4);
             if loads.on_links {
-                of_columns.set_all(layout.links + 6 * k, &of.loads.links[k].to_array(), 6);
+                of_columns.set_some(layout.links + 6 * k, &of.loads.links[k].to_array(), 6);
             }
         }
-        of_columns.set_all(layout.factors, &of.factors.to_array(), 8);
+        of_columns.set_some(layout.factors, &of.factors.to_array(), 8);
         if let Some(station) = station {
             set_rotation(of_columns, layout.station, &station.target.rotation, of.station.turn);
-            of_columns.set_all(layout.station + 9, &of.station.position.0, 3);
+            of_columns.set_some(layout.station + 9, &of.station.position.0, 3);
         }
     }
 }

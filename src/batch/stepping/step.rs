@@ -8,7 +8,6 @@ use super::equations_of_motion::EquationsOfMotion;
 use super::joint_coordinates::JointSums;
 use super::lagged_added_mass::{LagState, LaggedAddedMass};
 use super::parameters::ScratchPool;
-use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
@@ -18,7 +17,7 @@ use crate::integrate::{
     Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
     interval,
 };
-use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
+use crate::lane::{Kernel, Lane, Param, Real, Routine, Rows, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
 use crate::terms::FinAxes;
@@ -170,7 +169,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
-                let columns = &mut Columns { rows: &mut *rows, first };
+                let columns = &mut Rows::of_block(&mut *rows, first);
                 self.step_group::<_, _, _, false>(self.system, &[], columns, &mut memory, &mut ());
             }
         }
@@ -214,7 +213,7 @@ impl<'a, T: Real> Step<'a, T> {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
-                let mut columns = Columns { rows: &mut *rows, first };
+                let mut columns = Rows::of_block(&mut *rows, first);
                 if let (true, Some(instances)) = (self.scaled, &mut *instances) {
                     let mut factors = columns.factors(self.layout);
                     if self.lag_filter.is_some() {
@@ -276,7 +275,7 @@ impl<'a, T: Real> Step<'a, T> {
         &self,
         system: &System<P>,
         unscaled: &[UnscaledBodyTerms<P>],
-        columns: &mut Columns<T>,
+        columns: &mut Rows<T>,
         memory: &mut Memory<L>,
         recorder: &mut R,
     ) {
@@ -373,13 +372,13 @@ impl<'a, T: Real> Step<'a, T> {
         equations.joints.prescribe(system, equations.loads, end, motion);
         columns.set_joint_sums(self.layout, equations.joints);
         columns.set_motion::<_, BASELINES>(self.layout, motion);
-        columns.set_all(self.layout.current, &current.0, 3);
+        columns.set_some(self.layout.current, &current.0, 3);
         columns.set_step_estimates(self.layout, &estimates);
         if lagged.is_some() {
             columns.set_lag_state(self.layout, &memory.lag);
         }
         if !thrusters.is_empty() {
-            columns.set_all(self.layout.thrust, &memory.propulsion.thrust, self.layout.thrusters);
+            columns.set_some(self.layout.thrust, &memory.propulsion.thrust, self.layout.thrusters);
         }
         columns.add_time::<L>(self.layout, self.h, self.substeps);
     }

@@ -5,36 +5,12 @@ use super::layout::Layout;
 use crate::dynamics::aba::ArmLoads;
 use crate::hydro::{THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, StepEstimates};
-use crate::lane::{Lane, Param, Real, unroll};
+use crate::lane::{Lane, Param, Real, Rows, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{FACTORS, Factors, JOINTS};
 use crate::terms::{FINS, FinAxes, FinTerm};
 
-/// A column group of a block: `LANES` adjacent columns, one instance each.
-pub struct Columns<'a, T> {
-    /// Rows of a block; for dual numbers the rows of values, then the rows of slopes.
-    pub rows: &'a mut [T],
-    /// First column of the group.
-    pub first: usize,
-}
-
-impl<T: Real> Columns<'_, T> {
-    /// A row; NaN beyond the block (a panic would need a call, which costs registers).
-    #[inline(always)]
-    pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        let numbers = L::read(self.rows, row * T::BLOCK + self.first);
-        debug_assert!(numbers.is_some(), "row {row}");
-        if let Some(numbers) = numbers { numbers } else { L::c(f64::NAN) }
-    }
-
-    /// Sets a row; does nothing beyond the block.
-    #[inline(always)]
-    pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
-        let at = row * T::BLOCK + self.first;
-        debug_assert!(at + L::LANES <= self.rows.len(), "row {row}");
-        x.write(self.rows, at);
-    }
-
+impl<T: Real> Rows<'_, T> {
     /// Three rows: a vector.
     #[inline(always)]
     pub fn vector<L: Lane<Real = T>>(&self, row: usize) -> Vector3<L> {
@@ -51,14 +27,6 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     pub fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
         Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
-    }
-
-    /// Sets rows from number `row` on to the first `count` entries.
-    #[inline(always)]
-    pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
-        for k in 0..count.min(K) {
-            self.set(row + k, x[k]);
-        }
     }
 
     /// Loads one row per joint.
@@ -98,15 +66,15 @@ impl<T: Real> Columns<'_, T> {
         motion: &Motion<L, JOINTS>,
     ) {
         unroll!(k in 0 1 2 => {
-            self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
+            self.set_some(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
         });
-        self.set_all(layout.position, &motion.pose.position.0, 3);
-        self.set_all(layout.position + 3, &motion.rest.0, 3);
-        self.set_all(layout.twist, &motion.twist.to_array(), 6);
-        self.set_all(layout.q, &motion.q, layout.joints);
-        self.set_all(layout.qd, &motion.qd, layout.joints);
+        self.set_some(layout.position, &motion.pose.position.0, 3);
+        self.set_some(layout.position + 3, &motion.rest.0, 3);
+        self.set_some(layout.twist, &motion.twist.to_array(), 6);
+        self.set_some(layout.q, &motion.q, layout.joints);
+        self.set_some(layout.qd, &motion.qd, layout.joints);
         if BASELINES && layout.keeps != Attitude::Matrix {
-            self.set_all(layout.attitude, &motion.attitude, 4);
+            self.set_some(layout.attitude, &motion.attitude, 4);
         }
     }
 
@@ -119,7 +87,7 @@ impl<T: Real> Columns<'_, T> {
             let next = time + passed;
             (time, rest) = (next, passed - (next - time));
         }
-        self.set_all(layout.time, &[time, rest], 2);
+        self.set_some(layout.time, &[time, rest], 2);
     }
 
     /// Estimates of the quality of the last steps.
@@ -139,8 +107,8 @@ impl<T: Real> Columns<'_, T> {
     /// Stores these estimates.
     #[inline(always)]
     pub fn set_step_estimates<L: Lane<Real = T>>(&mut self, layout: &Layout, estimates: &StepEstimates<L>) {
-        self.set_all(layout.estimates, &estimates.contrast, 3);
-        self.set_all(layout.estimates + 3, &estimates.velocity_error, 2);
+        self.set_some(layout.estimates, &estimates.contrast, 3);
+        self.set_some(layout.estimates + 3, &estimates.velocity_error, 2);
         self.set(layout.estimates + 5, estimates.spin_error);
         if layout.adaptive {
             self.set(layout.planned, estimates.planned);

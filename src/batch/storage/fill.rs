@@ -1,10 +1,9 @@
 //! Inputs to loads: from numbers by instance to rows of blocks.
 
-use super::columns::Columns;
 use super::inputs::CheckedInputs;
 use super::table::Table;
 use crate::control::THRUSTERS;
-use crate::lane::{Isa, Kernel, Lane, Real, transpose};
+use crate::lane::{Isa, Kernel, Lane, Real, Rows, transpose};
 use crate::system::JOINTS;
 
 /// Maximum number of instances in a block.
@@ -89,7 +88,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             } else if given.inputs.thrust.is_some() {
                 let mut factor = [0.0; WIDEST];
                 for group in (0..T::BLOCK).step_by(L::LANES) {
-                    let columns = Columns { rows: &mut *rows, first: group };
+                    let columns = Rows::of_block(&mut *rows, group);
                     columns.factors::<L>(layout).thrust.store_double(&mut factor[group..]);
                 }
                 for i in 0..m {
