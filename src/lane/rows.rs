@@ -43,6 +43,14 @@ impl<'a, T: Real> Rows<'a, T> {
         x.write(self.numbers, at);
     }
 
+    /// Reads `count` rows from number `row` on into the first entries.
+    #[inline(always)]
+    pub fn get_some<L: Lane<Real = T>, const K: usize>(&self, row: usize, count: usize, to: &mut [L; K]) {
+        for k in 0..count.min(K) {
+            to[k] = self.get(row + k);
+        }
+    }
+
     /// Sets rows from number `row` on to the first `count` entries.
     #[inline(always)]
     pub fn set_some<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {

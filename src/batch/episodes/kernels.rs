@@ -45,8 +45,8 @@ impl<T: Real, K: TaskDefinition> EpisodeBlocks<'_, T, K> {
 #[inline(always)]
 fn stage_state<L: Lane>(layout: &Layout, physics: &Rows<'_, L::Real>) -> StageState<L> {
     let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
-    physics.joints(layout.q, layout.joints, &mut q);
-    physics.joints(layout.qd, layout.joints, &mut qd);
+    physics.get_some(layout.q, layout.joints, &mut q);
+    physics.get_some(layout.qd, layout.joints, &mut qd);
     let pose = Pose { rotation: physics.matrix(layout.rotation), position: physics.vector(layout.position) };
     StageState { pose, twist: physics.six(layout.twist), q, qd }
 }
@@ -99,18 +99,14 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
             }
             if layout.thrusters > 0 {
                 // The physics computes the thrusts.
-                for k in 0..layout.thrusters {
-                    physics.set(layout.command + k, command.actuated.thrusts[k]);
-                }
+                physics.set_some(layout.command, &command.actuated.thrusts, layout.thrusters);
                 physics.set_all(layout.wrench, &disturbing.to_array());
             } else {
                 let thrust = physics.factors::<L>(layout).thrust;
                 physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
             }
             if K::DRIVES_JOINTS {
-                for k in 0..layout.joints {
-                    physics.set(layout.torque + k, command.actuated.torques[k]);
-                }
+                physics.set_some(layout.torque, &command.actuated.torques, layout.joints);
             } else {
                 for k in 0..layout.joints {
                     physics.set_all(layout.target + 4 * k, &command.joints[k]);

@@ -84,7 +84,7 @@ impl<T: Real> Rows<'_, T> {
     #[inline(always)]
     pub fn joint_sums<L: Lane<Real = T>>(&self, layout: &Layout, sums: &mut JointSums<L>) {
         if T::SINGLE {
-            self.joints(layout.q_rest, layout.joints, &mut sums.rest);
+            self.get_some(layout.q_rest, layout.joints, &mut sums.rest);
             sums.base = [L::zero(); JOINTS];
         }
     }

@@ -174,11 +174,9 @@ impl<T: Real> Step<'_, T> {
         of_motion.position = of_columns.vector(layout.position);
         of_motion.turn = of_columns.vector(layout.rotation);
         of_motion.twist = of_columns.six(layout.twist);
-        of_columns.joints(layout.q, n, &mut of_motion.q);
-        of_columns.joints(layout.qd, n, &mut of_motion.qd);
-        for k in 0..thrusters.len().min(THRUSTERS) {
-            of_thrusters.thrust[k] = of_columns.get(layout.thrust + k);
-        }
+        of_columns.get_some(layout.q, n, &mut of_motion.q);
+        of_columns.get_some(layout.qd, n, &mut of_motion.qd);
+        of_columns.get_some(layout.thrust, thrusters.len(), &mut of_thrusters.thrust);
         let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
         prescribe_adjoint(system, loads, end, of_motion, &mut of.loads);
         // Right-hand side, as in the steps.

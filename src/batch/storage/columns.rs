@@ -29,21 +29,13 @@ impl<T: Real> Rows<'_, T> {
         Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
     }
 
-    /// Loads one row per joint.
-    #[inline(always)]
-    pub fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
-        for k in 0..count.min(JOINTS) {
-            to[k] = self.get(row + k);
-        }
-    }
-
     /// Loads the motion.
     #[inline(always)]
     pub fn motion<L: Lane<Real = T>, const BASELINES: bool>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         self.place::<_, BASELINES>(layout, motion);
         motion.twist = self.six(layout.twist);
-        self.joints(layout.q, layout.joints, &mut motion.q);
-        self.joints(layout.qd, layout.joints, &mut motion.qd);
+        self.get_some(layout.q, layout.joints, &mut motion.q);
+        self.get_some(layout.qd, layout.joints, &mut motion.qd);
     }
 
     /// Loads position and attitude of the motion.
@@ -119,9 +111,7 @@ impl<T: Real> Rows<'_, T> {
     #[inline(always)]
     pub fn factors<L: Lane<Real = T>>(&self, layout: &Layout) -> Factors<L> {
         let mut factors = [L::zero(); FACTORS];
-        for k in 0..FACTORS {
-            factors[k] = self.get(layout.factors + k);
-        }
+        self.get_some(layout.factors, FACTORS, &mut factors);
         Factors::from_array(factors)
     }
 
@@ -136,10 +126,10 @@ impl<T: Real> Rows<'_, T> {
     ) {
         let (mut commands, mut gains) = ([L::zero(); THRUSTERS], [L::zero(); THRUSTERS]);
         let factors = self.factors(layout);
+        self.get_some(layout.command, layout.thrusters, &mut commands);
+        self.get_some(layout.thrust, layout.thrusters, &mut propulsion.thrust);
         for k in 0..layout.thrusters.min(THRUSTERS) {
-            commands[k] = self.get(layout.command + k);
             gains[k] = self.get::<L>(layout.loss + k).neg_mul_add(factors.thrust, factors.thrust);
-            propulsion.thrust[k] = self.get(layout.thrust + k);
         }
         propulsion.command(thrusters, &commands, &gains, (L::splat(h), factors.thruster_lag));
     }
@@ -153,9 +143,7 @@ impl<T: Real> Rows<'_, T> {
         surfaces: &mut FinAxes<L>,
     ) {
         let mut deflections = [L::zero(); FINS];
-        for k in 0..layout.fins.min(FINS) {
-            deflections[k] = self.get(layout.fin + k);
-        }
+        self.get_some(layout.fin, layout.fins, &mut deflections);
         surfaces.deflect(fins, &deflections);
     }
 
@@ -164,8 +152,8 @@ impl<T: Real> Rows<'_, T> {
     pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, active: ActiveLoads, loads: &mut ArmLoads<L>) {
         loads.terms = active.target_terms;
         loads.on_links = active.link_wrenches;
+        self.get_some(layout.torque, layout.joints, &mut loads.torque);
         for k in 0..layout.joints.min(JOINTS) {
-            loads.torque[k] = self.get(layout.torque + k);
             let row = layout.target + 4 * k;
             if active.target_terms > 0 {
                 (loads.target[k][0], loads.target[k][1]) = (self.get(row), self.get(row + 1));
