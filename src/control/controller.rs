@@ -1,6 +1,7 @@
 //! The interface of all controllers.
 
-use super::gains::GainMap;
+use super::ActionMap;
+use crate::description::Scene;
 use crate::error::ControlError;
 use crate::limits::interrupt;
 
@@ -59,6 +60,17 @@ impl Widths {
     }
 }
 
+/// Vehicle and arm that a controller with a model acts on.
+#[derive(Debug, Clone)]
+pub struct Plant<'a> {
+    /// Checked scene.
+    pub scene: &'a Scene,
+    /// Meaning of its actions.
+    pub actions: ActionMap,
+    /// Control period, s.
+    pub period: f64,
+}
+
 /// Rows of observations to rows of actions in [-1, 1], without randomness.
 ///
 /// Rows are independent: the action of an instance depends only on its own row and memory, bit for bit, whatever the
@@ -66,11 +78,6 @@ impl Widths {
 pub trait Controller: Send + Sync {
     /// Lengths of the rows.
     fn widths(&self) -> Widths;
-
-    /// Gains by name; none by default.
-    fn gains(&self) -> GainMap {
-        GainMap::new()
-    }
 
     /// Name and length of each block of an instance's memory, in order; none by default.
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {

@@ -35,26 +35,23 @@ impl FeedbackGains {
 /// observed disturbance d.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Dob {
-    gains: FeedbackGains,
+    kp: [f64; 6],
+    kd: [f64; 6],
     /// Transition of the waves from now to when a command acts.
     wave: WaveTransition,
 }
 
 impl Dob {
-    pub fn new(gains: FeedbackGains, observer: &Observer) -> Self {
+    pub fn new(gains: &FeedbackGains, observer: &Observer) -> Self {
         // A command acts half a period and a lag later.
         let time = 0.5 * observer.period() + observer.model().lag();
-        Self { wave: WaveTransition::over(gains.observer.wave_frequency, time), gains }
-    }
-
-    pub fn gains(&self) -> &FeedbackGains {
-        &self.gains
+        Self { kp: gains.kp, kd: gains.kd, wave: WaveTransition::over(gains.observer.wave_frequency, time) }
     }
 
     /// `-kp e - kd V`.
     #[inline(always)]
     fn feedback<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
-        feedback(&self.gains.kp, &self.gains.kd, &at.motion.error, &at.motion.twist)
+        feedback(&self.kp, &self.kd, &at.motion.error, &at.motion.twist)
     }
 
     /// Disturbance when the command acts.

@@ -28,7 +28,7 @@ pub fn gain_value(name: &str, numbers: &[f64], list: bool) -> Result<Value, Cont
 }
 
 /// Gains by name.
-pub(super) fn to_map(gains: &impl Serialize) -> GainMap {
+pub fn to_map(gains: &impl Serialize) -> GainMap {
     match serde_json::to_value(gains) {
         Ok(Value::Object(map)) => map,
         _ => unreachable!("gains are structs of numbers"),
@@ -40,54 +40,42 @@ pub fn gain_names(gains: &impl Serialize) -> Vec<String> {
     to_map(gains).into_iter().map(|(name, _)| name).collect()
 }
 
-/// Refuses gains that are not finite or are negative.
-pub(super) fn check(gains: &impl Serialize) -> Result<(), ControlError> {
-    for (name, value) in to_map(gains) {
-        let numbers = match value {
-            Value::Array(numbers) => numbers,
-            number => vec![number],
-        };
-        for (index, number) in numbers.iter().enumerate() {
-            // A number that is not finite has become null.
-            let value = number.as_f64().unwrap_or(f64::NAN);
-            if value.is_nan() || value < 0.0 {
-                return Err(ControlError::Gain { name, index, value });
+/// Refuses gains that are not finite or are negative, factors and deviations of 0, delays of more than `max_delay` control
+/// periods, and predictions beyond the present that would take too long.
+fn check(gains: &GainMap, max_delay: usize) -> Result<(), ControlError> {
+    for (name, value) in gains {
+        // A number that is not finite has become null.
+        let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+        let numbers = value.as_array().map_or_else(|| vec![number(value)], |list| list.iter().map(number).collect());
+        if let Some(index) = numbers.iter().position(|x| x.is_nan() || *x < 0.0) {
+            return Err(ControlError::Gain { name: name.clone(), index, value: numbers[index] });
+        }
+        let (value, expected) = match name.as_str() {
+            "delay" if numbers[0] > max_delay as f64 => {
+                return Err(ControlError::Delay { periods: numbers[0] as usize, most: max_delay });
             }
-        }
+            "prediction_horizon" if numbers[0] > MAX_HORIZON => {
+                (numbers[0].to_string(), format!("at most {MAX_HORIZON} s"))
+            }
+            "thrust_factors" | "innovation" | "joint_innovation" if numbers.contains(&0.0) => {
+                (format!("{numbers:?}"), "above 0".to_owned())
+            }
+            _ => continue,
+        };
+        return Err(ControlError::GainShape { name: name.clone(), value, expected });
     }
     Ok(())
 }
 
-/// Refuses a delay of measurements beyond a maximum, control periods.
-pub(super) fn check_delay(periods: usize, most: usize) -> Result<(), ControlError> {
-    if periods > most { Err(ControlError::Delay { periods, most }) } else { Ok(()) }
-}
-
-/// Refuses a prediction beyond the present that would take too long.
-pub(super) fn check_horizon(time: f64) -> Result<(), ControlError> {
-    if time > MAX_HORIZON {
-        let (name, value) = ("prediction_horizon".to_owned(), time.to_string());
-        return Err(ControlError::GainShape { name, value, expected: format!("at most {MAX_HORIZON} s") });
-    }
-    Ok(())
-}
-
-/// Refuses lists of gains, by name, with a 0.
-pub(super) fn check_positive(lists: &[(&str, &[f64])]) -> Result<(), ControlError> {
-    match lists.iter().find(|(_, values)| values.contains(&0.0)) {
-        Some((name, values)) => {
-            let (name, value) = ((*name).to_owned(), format!("{values:?}"));
-            Err(ControlError::GainShape { name, value, expected: "above 0".to_owned() })
-        }
-        None => Ok(()),
-    }
-}
-
-/// `gains` with the given ones replaced, checked.
+/// `gains` with the given ones replaced, checked; measurements are at most `max_delay` control periods old.
 ///
 /// # Errors
-/// `ControlError` for an unknown gain, one of another length, or one that is not finite or is negative.
-pub fn merge<G: Serialize + DeserializeOwned>(gains: &G, given: &GainMap) -> Result<G, ControlError> {
+/// `ControlError` for an unknown gain, or one of another length; for one that is not finite or is negative; for a factor or a
+/// deviation of 0, a longer delay, or a prediction horizon beyond 10 s.
+pub fn merge<G>(gains: &G, given: &GainMap, max_delay: usize) -> Result<G, ControlError>
+where
+    G: Serialize + DeserializeOwned,
+{
     let mut all = to_map(gains);
     for (name, value) in given.iter().filter(|(_, value)| !value.is_null()) {
         let Some(old) = all.get_mut(name) else {
@@ -106,6 +94,6 @@ pub fn merge<G: Serialize + DeserializeOwned>(gains: &G, given: &GainMap) -> Res
         }
         old.clone_from(value);
     }
-    check(&all)?;
+    check(&all, max_delay)?;
     serde_json::from_value(Value::Object(all)).map_err(|error| ControlError::Model(error.to_string()))
 }

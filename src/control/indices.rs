@@ -3,15 +3,15 @@
 /// Distance that a rotation of 1 rad counts as where attitude and position errors are added up, m.
 pub const ATTITUDE_LEVER: f64 = 0.5;
 
-/// Pose error and twist of the vehicle: index and scale of each entry.
+/// Pose error and twist of the vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObservationIndices {
     /// Length of a row.
     pub width: usize,
-    /// Pose error `[R^T (r - r_d); log(R_d^T R)]`, m and rad.
-    pub error: [(usize, f64); 6],
-    /// Body twist, m/s and rad/s.
-    pub twist: [(usize, f64); 6],
+    /// Pose error `[R^T (r - r_d); log(R_d^T R)]`, m and rad, 6.
+    pub error: BlockIndices,
+    /// Body twist, m/s and rad/s, 6.
+    pub twist: BlockIndices,
 }
 
 /// Consecutive entries of an observation.
@@ -27,6 +27,16 @@ impl BlockIndices {
     /// Physical values at one row of observations.
     pub fn read<'a>(&'a self, observation: &'a [f32]) -> impl Iterator<Item = f64> + 'a {
         self.scale.iter().zip(&observation[self.offset..]).map(|(scale, x)| f64::from(*x) * scale)
+    }
+
+    /// Physical values of six entries.
+    #[inline(always)]
+    pub(super) fn six(&self, observation: &[f32]) -> [f64; 6] {
+        let mut six = [0.0; 6];
+        for k in 0..6 {
+            six[k] = f64::from(observation[self.offset + k]) * self.scale[k];
+        }
+        six
     }
 }
 

@@ -15,6 +15,11 @@ pub(super) struct Likelihood<const K: usize> {
 }
 
 impl<const K: usize> Likelihood<K> {
+    /// For a single model, which has no weight.
+    pub fn none() -> Self {
+        Self { precision: [0.0; K], retention: 1.0 }
+    }
+
     /// For standard deviations of innovations and a time constant of forgetting, s; 0: none.
     pub fn new(deviations: [f64; K], memory_time: f64, period: f64) -> Self {
         let retention = if memory_time > 0.0 { (-period / memory_time).exp() } else { 1.0 };

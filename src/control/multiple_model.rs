@@ -3,14 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::dob::FeedbackGains;
-use super::gains;
 use super::likelihood::{Likelihood, normalise};
 use super::nominal_model::ArmState;
 use super::observer::{Estimate, Observer, ObserverGains};
 use super::rows::Measurement;
 use crate::description::{Scene, VehicleServo};
 use crate::dynamics::aba::Scratch;
-use crate::error::ControlError;
 use crate::lane::{Lane, exp};
 use crate::lie::Vector6;
 
@@ -51,18 +49,9 @@ impl AdaptiveGains {
         }
     }
 
-    /// Refuses factors and deviations of 0.
-    pub(super) fn check(&self) -> Result<(), ControlError> {
-        gains::check_positive(&[
-            ("thrust_factors", &self.thrust_factors),
-            ("innovation", &self.innovation),
-            ("joint_innovation", &self.joint_innovation),
-        ])
-    }
-
     /// Gains of the models' DOBs: by delay, and by factor on the thrust.
     pub(super) fn models(&self, period: f64) -> Vec<(FeedbackGains, f64)> {
-        let of_delay = |delay: usize| {
+        let at_delay = |delay: usize| {
             let mut gains = self.feedback.clone();
             gains.observer.delay = delay;
             let [p, d] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
@@ -70,8 +59,14 @@ impl AdaptiveGains {
             gains
         };
         (0..=self.feedback.observer.delay)
-            .flat_map(|delay| self.thrust_factors.map(|factor| (of_delay(delay), factor)))
+            .flat_map(|delay| self.thrust_factors.map(|factor| (at_delay(delay), factor)))
             .collect()
+    }
+
+    /// Likelihood of innovations.
+    pub(super) fn likelihood(&self, period: f64) -> Likelihood<4> {
+        let ([v, w], [q, qd]) = (self.innovation, self.joint_innovation);
+        Likelihood::new([v, w, q, qd], self.memory_time, period)
     }
 }
 
@@ -92,27 +87,21 @@ pub(super) struct ObserverBank {
 }
 
 impl ObserverBank {
-    /// A bank of one observer.
-    pub fn of(observer: Observer) -> Self {
-        let models = vec![BankObserver { observer, thrust: 1.0, place: 0 }];
-        Self { models, likelihood: Likelihood::new([f64::INFINITY; 4], 0.0, 0.0) }
-    }
-
-    /// For a checked scene that is measured and acted on every `period` s, by checked gains.
-    pub fn new(gains: &AdaptiveGains, scene: &Scene, period: f64) -> Self {
-        let (all, horizon) = (gains.models(period), gains.feedback.prediction_horizon);
-        let (mut models, mut place): (Vec<BankObserver>, _) = (Vec::new(), all.len());
-        for (gains, thrust) in all {
+    /// For models by their gains, in ascending order of delay, and their factors on the thrust; for a checked scene that is
+    /// measured and acted on every `period` s. `likelihood` is for several models.
+    pub fn new(given: &[(FeedbackGains, f64)], likelihood: Likelihood<4>, scene: &Scene, period: f64) -> Self {
+        let mut place = if given.len() > 1 { given.len() } else { 0 };
+        let mut models: Vec<BankObserver> = Vec::with_capacity(given.len());
+        for (gains, thrust) in given {
             let observer = match models.last() {
                 Some(last) if last.observer.delay() == gains.observer.delay => last.observer.clone(),
-                _ => Observer::new(gains.observer, horizon, scene, period),
+                _ => Observer::new(gains.observer, gains.prediction_horizon, scene, period),
             };
             let width = observer.memory();
-            models.push(BankObserver { observer, thrust, place });
+            models.push(BankObserver { observer, thrust: *thrust, place });
             place += width;
         }
-        let ([v, w], [q, qd]) = (gains.innovation, gains.joint_innovation);
-        Self { models, likelihood: Likelihood::new([v, w, q, qd], gains.memory_time, period) }
+        Self { models, likelihood }
     }
 
     /// Number of models.
@@ -120,7 +109,7 @@ impl ObserverBank {
         self.models.len()
     }
 
-    /// BankObserver with the maximum delay.
+    /// The model with the maximum delay.
     fn last(&self) -> &BankObserver {
         &self.models[self.models.len() - 1]
     }

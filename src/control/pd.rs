@@ -1,15 +1,41 @@
-//! PD station keeping.
+//! PD: station keeping, and docking with a limited approach speed.
 
-use nalgebra as na;
+use serde::{Deserialize, Serialize};
 
 use super::ActionMap;
 use super::controller::{Controller, Widths};
-use super::gains::{self, GainMap};
 use super::indices::ObservationIndices;
 use crate::description::VehicleServo;
 use crate::error::ControlError;
 use crate::lane::Lane;
 use crate::lie::Vector6;
+
+/// Gains of [`Pd::docking`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DockPdGains {
+    /// Proportional gains, N/m and N m/rad.
+    pub kp: [f64; 6],
+    /// Derivative gains, N s/m and N m s/rad.
+    pub kd: [f64; 6],
+    /// Maximum speed of approach, m/s.
+    pub approach_speed: f64,
+    /// Maximum angular speed of approach, rad/s.
+    pub turn_speed: f64,
+}
+
+impl DockPdGains {
+    /// Gains of a vehicle's PD with the default speeds of approach.
+    pub fn from_pd(VehicleServo { kp, kd }: VehicleServo) -> Self {
+        Self { kp, kd, approach_speed: 0.5, turn_speed: 0.3 }
+    }
+}
+
+impl Default for DockPdGains {
+    fn default() -> Self {
+        Self::from_pd(VehicleServo::default())
+    }
+}
 
 /// PD on the vehicle, `F = -kp e - kd V` `[HC sec. 5.2]`, with the attitude error "log" of the observations: the rotation
 /// vector `log(R_d^T R)`. The vehicle's servo within the stages, which a pose target turns on, uses "vee":
@@ -18,22 +44,23 @@ use crate::lie::Vector6;
 pub struct Pd {
     indices: ObservationIndices,
     gains: VehicleServo,
+    /// Maximum linear and angular speed of approach, m/s and rad/s.
+    speeds: Option<[f64; 2]>,
     actions: ActionMap,
 }
 
 impl Pd {
     /// A PD that reads observations at `indices` and gives actions of `actions`.
-    ///
-    /// # Errors
-    /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn new(indices: ObservationIndices, gains: VehicleServo, actions: ActionMap) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        Ok(Self { indices, gains, actions })
+    pub fn new(indices: ObservationIndices, gains: VehicleServo, actions: ActionMap) -> Self {
+        Self { indices, gains, speeds: None, actions }
     }
 
-    /// Indices of the entries that it reads.
-    pub fn indices(&self) -> &ObservationIndices {
-        &self.indices
+    /// PD on a clipped error: `F = -kp sat(e) - kd V_r` with the pose error e and the twist V_r relative to the dock, which
+    /// feeds the dock's velocity forward. `sat` scales the error's linear and angular parts down together where the
+    /// velocity at which both terms balance, `-kp e / kd`, is above the speed of approach.
+    pub fn docking(indices: ObservationIndices, gains: DockPdGains, actions: ActionMap) -> Self {
+        let DockPdGains { kp, kd, approach_speed, turn_speed } = gains;
+        Self { speeds: Some([approach_speed, turn_speed]), ..Self::new(indices, VehicleServo { kp, kd }, actions) }
     }
 
     /// Meaning of its actions.
@@ -44,11 +71,7 @@ impl Pd {
     /// Pose error (m, rad) at one row of observations.
     #[inline(always)]
     pub(super) fn error(&self, observation: &[f32]) -> [f64; 6] {
-        let mut error = [0.0; 6];
-        for k in 0..6 {
-            error[k] = read(observation, self.indices.error[k]);
-        }
-        error
+        self.indices.error.six(observation)
     }
 
     /// `-kp e - kd V` in lanes.
@@ -57,15 +80,20 @@ impl Pd {
         feedback(&self.gains.kp, &self.gains.kd, error, twist)
     }
 
-    /// Body wrench `-kp e - kd V` (N, N m) at one row of observations.
+    /// Body wrench (N, N m) at one row of observations.
     #[inline(always)]
-    pub fn wrench(&self, observation: &[f32]) -> na::Vector6<f64> {
-        let (kp, kd) = (&self.gains.kp, &self.gains.kd);
-        let mut wrench = self.error(observation);
-        for k in 0..6 {
-            wrench[k] = -kp[k] * wrench[k] - kd[k] * read(observation, self.indices.twist[k]);
+    pub fn wrench(&self, observation: &[f32]) -> nalgebra::Vector6<f64> {
+        let VehicleServo { kp, kd } = &self.gains;
+        let (error, twist) = (self.error(observation), self.indices.twist.six(observation));
+        let mut scales = [1.0; 2];
+        if let Some(speeds) = self.speeds {
+            for part in 0..2 {
+                let balance = |k: usize| if kd[k] > 0.0 { kp[k] * error[k] / kd[k] } else { 0.0 };
+                let speed = (3 * part..3 * part + 3).map(balance).map(|v| v * v).sum::<f64>().sqrt();
+                scales[part] = if speed > speeds[part] { speeds[part] / speed } else { 1.0 };
+            }
         }
-        wrench.into()
+        nalgebra::Vector6::from_fn(|k, _| -kp[k] * scales[k / 3] * error[k] - kd[k] * twist[k])
     }
 }
 
@@ -90,18 +118,9 @@ impl Controller for Pd {
         Widths { observation: self.indices.width, memory: 0, action: self.actions.len() }
     }
 
-    fn gains(&self) -> GainMap {
-        gains::to_map(&self.gains)
-    }
-
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().each_row(observations, memory, actions, |observation, _, action| {
             self.actions.normalise(&self.wrench(observation), action);
         })
     }
-}
-
-#[inline(always)]
-fn read(observation: &[f32], (offset, scale): (usize, f64)) -> f64 {
-    f64::from(observation[offset]) * scale
 }

@@ -2,14 +2,12 @@
 
 use super::Pd;
 use super::controller::{Controller, Widths};
-use super::gains::GainMap;
 use super::indices::ModelIndices;
-use super::nominal_model::{NominalModel, VehicleMotion};
-use super::rows::{read, write_actions};
+use super::nominal_model::{ArmState, NominalModel, VehicleMotion};
+use super::rows::{LaneLaw, Work, read, write_actions};
 use crate::description::Scene;
-use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
-use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lane::Lane;
 use crate::lie::Vector6;
 use crate::system::JOINTS;
 
@@ -29,45 +27,30 @@ impl PdRestoring {
     }
 }
 
+impl LaneLaw for PdRestoring {
+    #[inline(always)]
+    fn control<L: Lane<Real = f64>>(
+        &self,
+        observations: &[f32],
+        _: &mut [f64],
+        actions: &mut [f32],
+        work: &mut Work<L>,
+    ) {
+        let measured = read::<L>(&self.indices, observations);
+        let arm = ArmState { qd: [L::zero(); JOINTS], ..measured.arm };
+        let at_rest = VehicleMotion { twist: Vector6::zero(), ..measured.motion };
+        let force = self.model.composite_body(&at_rest, &arm, &mut work.scratch).force;
+        let feedback = self.pd.feedback(&measured.motion.error, &measured.motion.twist);
+        write_actions(self.pd.actions(), feedback - force, actions);
+    }
+}
+
 impl Controller for PdRestoring {
     fn widths(&self) -> Widths {
         self.pd.widths()
     }
 
-    fn gains(&self) -> GainMap {
-        self.pd.gains()
-    }
-
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        self.widths().rows(observations, memory, actions)?;
-        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { control: self, observations, actions });
-        Ok(())
-    }
-}
-
-struct Rows<'a> {
-    control: &'a PdRestoring,
-    observations: &'a [f32],
-    actions: &'a mut [f32],
-}
-
-impl Kernel<f64> for Rows<'_> {
-    #[inline(always)]
-    fn run<L: Lane<Real = f64>>(&mut self) {
-        let PdRestoring { pd, indices, model } = self.control;
-        let Widths { observation, action, .. } = pd.widths();
-        let mut scratch = Scratch::new();
-        let count = self.observations.len() / observation;
-        for first in (0..count).step_by(L::LANES) {
-            let lanes = L::LANES.min(count - first);
-            let rows = &self.observations[first * observation..][..lanes * observation];
-            let actions = &mut self.actions[first * action..][..lanes * action];
-            let measured = read::<L>(indices, rows);
-            let mut arm = measured.arm;
-            arm.qd = [L::zero(); JOINTS];
-            let at_rest = VehicleMotion { twist: Vector6::zero(), ..measured.motion };
-            let force = model.composite_body(&at_rest, &arm, &mut scratch).force;
-            write_actions(pd.actions(), pd.feedback(&measured.motion.error, &measured.motion.twist) - force, actions);
-        }
+        self.act_in_lanes(observations, memory, actions)
     }
 }

@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::controller::{Controller, Widths};
-use super::gains::{self, GainMap};
 use super::indices::ObservationIndices;
+use super::rows::{LaneLaw, Work};
 use super::{ACTIONS, ActionMap, Actuation, Pd};
 use crate::description::VehicleServo;
 use crate::error::ControlError;
-use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lane::Lane;
 
 /// Integral time over derivative time, `T_i / T_d`, of the default integral gains.
 const INTEGRAL_RATIO: f64 = 2.0;
@@ -46,47 +46,52 @@ impl PidGains {
 pub struct Pid {
     pd: Pd,
     actuation: Actuation<f64>,
-    gains: PidGains,
+    /// Integral gains.
+    ki: [f64; 6],
     /// Control period, s.
     period: f64,
 }
 
 impl Pid {
     /// A PID that acts every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn new(
-        indices: ObservationIndices,
-        gains: PidGains,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let (actuation, servo) = (Actuation::new(&actions), VehicleServo { kp: gains.kp, kd: gains.kd });
-        Ok(Self { pd: Pd::new(indices, servo, actions)?, actuation, gains, period })
+    pub fn new(indices: ObservationIndices, gains: PidGains, actions: ActionMap, period: f64) -> Self {
+        let PidGains { kp, kd, ki } = gains;
+        let actuation = Actuation::new(&actions);
+        Self { pd: Pd::new(indices, VehicleServo { kp, kd }, actions), actuation, ki, period }
     }
+}
 
-    /// One action, and the integral that follows.
+impl LaneLaw for Pid {
+    /// Rows one by one, with the machine's own multiply-add.
     #[inline(always)]
-    fn control(&self, observation: &[f32], integral: &mut [f64], action: &mut [f32]) {
-        let actions = self.pd.actions();
-        let mut wrench = self.pd.wrench(observation);
-        for k in 0..6 {
-            wrench[k] -= self.gains.ki[k] * integral[k];
-        }
-        actions.normalise(&wrench, action);
-        let mut entries = [0.0; ACTIONS];
-        for k in 0..action.len() {
-            entries[k] = f64::from(action[k]);
-        }
-        let reached = self.actuation.act(&entries).wrench.to_array();
-        let (error, limits) = (self.pd.error(observation), actions.allocation().wrench_limits());
-        for k in 0..6 {
-            let saturated = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
-            let further = error[k] * wrench[k] < 0.0;
-            if !(saturated && further) {
-                integral[k] += self.period * error[k];
+    fn control<L: Lane<Real = f64>>(
+        &self,
+        observations: &[f32],
+        memory: &mut [f64],
+        actions: &mut [f32],
+        _: &mut Work<L>,
+    ) {
+        let (map, Widths { observation, action: width, .. }) = (self.pd.actions(), self.widths());
+        let limits = map.allocation().wrench_limits();
+        for row in 0..observations.len() / observation {
+            let observation = &observations[row * observation..][..observation];
+            let (integral, action) = (&mut memory[6 * row..][..6], &mut actions[row * width..][..width]);
+            let mut wrench = self.pd.wrench(observation);
+            for k in 0..6 {
+                wrench[k] -= self.ki[k] * integral[k];
+            }
+            map.normalise(&wrench, action);
+            let mut entries = [0.0; ACTIONS];
+            for k in 0..width {
+                entries[k] = f64::from(action[k]);
+            }
+            let (error, reached) = (self.pd.error(observation), self.actuation.act(&entries).wrench.to_array());
+            for k in 0..6 {
+                let saturated = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
+                let further = error[k] * wrench[k] < 0.0;
+                if !(saturated && further) {
+                    integral[k] += self.period * error[k];
+                }
             }
         }
     }
@@ -97,38 +102,11 @@ impl Controller for Pid {
         Widths { memory: 6, ..self.pd.widths() }
     }
 
-    fn gains(&self) -> GainMap {
-        gains::to_map(&self.gains)
-    }
-
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
         vec![("integral", 6)]
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        self.widths().rows(observations, memory, actions)?;
-        // An unavailable instruction set is reported elsewhere.
-        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { pid: self, observations, memory, actions });
-        Ok(())
-    }
-}
-
-/// Rows one by one, with the machine's own multiply-add.
-struct Rows<'a> {
-    pid: &'a Pid,
-    observations: &'a [f32],
-    memory: &'a mut [f64],
-    actions: &'a mut [f32],
-}
-
-impl Kernel<f64> for Rows<'_> {
-    #[inline(always)]
-    fn run<L: Lane<Real = f64>>(&mut self) {
-        let Widths { observation, memory, action } = self.pid.widths();
-        for row in 0..self.observations.len() / observation {
-            let integral = &mut self.memory[row * memory..][..memory];
-            let action = &mut self.actions[row * action..][..action];
-            self.pid.control(&self.observations[row * observation..][..observation], integral, action);
-        }
+        self.act_in_lanes(observations, memory, actions)
     }
 }

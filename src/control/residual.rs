@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::controller::{Controller, Widths};
-use super::gains::GainMap;
 use super::{Mlp, PolicySpec};
 use crate::error::ControlError;
 
@@ -39,10 +38,6 @@ impl Controller for Residual {
     fn widths(&self) -> Widths {
         let base = self.base.widths();
         Widths { memory: base.memory + self.correction.widths().memory, ..base }
-    }
-
-    fn gains(&self) -> GainMap {
-        self.base.gains()
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {

@@ -1,16 +1,77 @@
-//! Rows of observations and memory to lanes, and wrenches in lanes to rows of actions.
+//! Control laws on rows in lanes: observations and memory to lanes, and wrenches in lanes to actions.
 
 use nalgebra as na;
 
+use super::controller::{Controller, Widths};
 use super::indices::{BlockIndices, ModelIndices};
 use super::nominal_model::{ArmState, VehicleMotion};
 use super::{ACTIONS, ActionMap, Actuation};
-use crate::lane::Lane;
+use crate::dynamics::aba::Scratch;
+use crate::error::ControlError;
+use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;
+use crate::limits::interrupt;
 use crate::system::JOINTS;
 
 /// Upper bound of the lanes of f64.
 pub(super) const WIDEST: usize = 16;
+
+/// Memory of a law's computations, for all groups of rows.
+pub(super) struct Work<L> {
+    pub scratch: Scratch<L>,
+    /// A group's memory.
+    pub memory: Vec<L>,
+    /// Wrenches by model.
+    pub wrenches: Vec<Vector6<L>>,
+}
+
+/// Control law on groups of rows.
+pub(super) trait LaneLaw: Controller + Sized {
+    /// Writes the actions of up to `L::LANES` rows, and updates their memory.
+    fn control<L: Lane<Real = f64>>(
+        &self,
+        observations: &[f32],
+        memory: &mut [f64],
+        actions: &mut [f32],
+        work: &mut Work<L>,
+    );
+
+    /// [`Controller::act`], group by group.
+    fn act_in_lanes(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths().rows(observations, memory, actions)?;
+        // An unavailable instruction set is reported elsewhere.
+        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Groups { law: self, observations, memory, actions });
+        Ok(())
+    }
+}
+
+struct Groups<'a, C> {
+    law: &'a C,
+    observations: &'a [f32],
+    memory: &'a mut [f64],
+    actions: &'a mut [f32],
+}
+
+impl<C: LaneLaw> Kernel<f64> for Groups<'_, C> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let Widths { observation, memory, action } = self.law.widths();
+        let mut work = Work { scratch: Scratch::new(), memory: Vec::new(), wrenches: Vec::new() };
+        let count = self.observations.len() / observation;
+        for first in (0..count).step_by(L::LANES) {
+            if interrupt::requested() {
+                break;
+            }
+            let end = count.min(first + L::LANES);
+            self.law.control::<L>(
+                &self.observations[first * observation..end * observation],
+                &mut self.memory[first * memory..end * memory],
+                &mut self.actions[first * action..end * action],
+                &mut work,
+            );
+        }
+    }
+}
 
 /// Measurement at a row of observations.
 #[derive(Debug, Clone, Copy)]
@@ -88,10 +149,10 @@ fn joints<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32], [q, qd]: &[
 /// Measurements of a group of rows.
 #[inline(always)]
 pub(super) fn read<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32]) -> Measurement<L> {
-    let (mut error, mut twist) = ([L::zero(); 6], [L::zero(); 6]);
+    let (vehicle, mut error, mut twist) = (&indices.vehicle, [L::zero(); 6], [L::zero(); 6]);
     for k in 0..6 {
-        error[k] = column(rows, indices.vehicle.width, indices.vehicle.error[k]);
-        twist[k] = column(rows, indices.vehicle.width, indices.vehicle.twist[k]);
+        error[k] = column(rows, vehicle.width, (vehicle.error.offset + k, vehicle.error.scale[k]));
+        twist[k] = column(rows, vehicle.width, (vehicle.twist.offset + k, vehicle.twist.scale[k]));
     }
     Measurement {
         motion: VehicleMotion { error: Vector6::from_array(error), twist: Vector6::from_array(twist) },

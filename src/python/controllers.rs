@@ -25,6 +25,14 @@ const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::T
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
 pub struct Controller {
     pub(super) inner: Arc<dyn control::Controller>,
+    gains: GainMap,
+}
+
+impl Controller {
+    /// Without gains.
+    pub(super) fn new(inner: Arc<dyn control::Controller>) -> Self {
+        Self { inner, gains: GainMap::new() }
+    }
 }
 
 #[pymethods]
@@ -40,7 +48,7 @@ impl Controller {
     #[getter]
     fn gains<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let result = PyDict::new(py);
-        for (name, value) in self.inner.gains() {
+        for (name, value) in &self.gains {
             if let Some(list) = value.as_array() {
                 let numbers: Vec<f64> = list.iter().filter_map(|x| x.as_f64()).collect();
                 result.set_item(name, numbers.to_pyarray(py))?;
@@ -93,7 +101,7 @@ pub struct Mlp {
 impl Mlp {
     fn of(mlp: control::Mlp) -> PyClassInitializer<Self> {
         let mlp = Arc::new(mlp);
-        PyClassInitializer::from(Controller { inner: mlp.clone() }).add_subclass(Self { mlp })
+        PyClassInitializer::from(Controller::new(mlp.clone())).add_subclass(Self { mlp })
     }
 
     /// The policy.
@@ -165,7 +173,7 @@ impl Mlp {
     /// This network's corrections to a controller, of at most `limit`.
     fn correcting(&self, base: PyRef<'_, Controller>, limit: f64) -> PyResult<Controller> {
         let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit).or_raise()?);
-        Ok(Controller { inner })
+        Ok(Controller { inner, gains: base.gains.clone() })
     }
 
     /// True for a residual policy.
@@ -247,6 +255,7 @@ impl Task {
             };
             map.insert(name, value);
         }
-        Ok(Controller { inner: self.batch.task().controller(kind, &map).or_raise()? })
+        let (inner, gains) = self.batch.task().controller(kind, &map).or_raise()?;
+        Ok(Controller { inner, gains })
     }
 }

@@ -22,7 +22,7 @@ impl Task {
     /// Controller that residual actions correct.
     #[getter]
     fn base(&self) -> Option<Controller> {
-        self.batch.base().map(|inner| Controller { inner })
+        self.batch.base().map(Controller::new)
     }
 
     /// Frames of all instances now: states and memories (N, .).

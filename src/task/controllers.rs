@@ -3,22 +3,28 @@
 use std::sync::Arc;
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::definition::BaseController;
 use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
-    ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPd, DockPdGains,
-    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl, NominalModel,
-    ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, PolicySpec, ResolvedMotion, ResolvedMotionGains,
-    TrackingIndices, TrackingNmpc, Widths, gain_names, merge,
+    ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPdGains, FeedbackGains,
+    GainMap, LawGains, MAX_DELAY, MAX_SENSOR_DELAY, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl,
+    NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
+    ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge, to_map,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
-/// A controller, or the reason why it does not fit the task.
-type Made = Result<Arc<dyn Controller>, TaskError>;
+/// A controller and its gains, or the reason why it does not fit the task.
+type Made = Result<(Arc<dyn Controller>, GainMap), TaskError>;
+
+/// A controller and its gains.
+fn made(controller: impl Controller + 'static, gains: &impl Serialize) -> Made {
+    Ok((Arc::new(controller), to_map(gains)))
+}
 
 /// Classical controller: its gains, and how a task makes it.
 #[derive(Debug, Clone, Copy)]
@@ -60,7 +66,7 @@ impl ControllerKind {
 }
 
 impl Task {
-    /// A classical controller with these gains; defaults where one is null or missing.
+    /// A classical controller with these gains, and all its gains; defaults where one is null or missing.
     ///
     /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque divided by the diagonal of the nominal
     /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the maximum for banks of models), except
@@ -68,52 +74,50 @@ impl Task {
     ///
     /// # Errors
     /// `TaskError` for a controller of another task, actions that are corrections to a controller, a gain that is
-    /// unknown, misshaped, not finite or negative, or if there are no gains.
+    /// unknown, misshaped, not finite or out of its range, or if there are no gains.
     pub fn controller(&self, kind: ControllerKind, given: &GainMap) -> Made {
         (kind.make)(self, given)
     }
 
     /// Without gains any is unknown.
     fn none(&self, given: &GainMap) -> Made {
-        merge(&GainMap::new(), given)?;
-        Ok(Arc::new(NoControl::new(Widths {
-            observation: self.observation_len(),
-            memory: 0,
-            action: self.action_len(),
-        })))
+        let gains = merge(&GainMap::new(), given, 0)?;
+        let widths = Widths { observation: self.observation_len(), memory: 0, action: self.action_len() };
+        made(NoControl::new(widths), &gains)
     }
 
     fn pd(&self, given: &GainMap) -> Made {
-        Ok(Arc::new(self.feedback(given)?))
+        let (pd, gains) = self.feedback(given)?;
+        made(pd, &gains)
     }
 
     /// A PD with the scene's gains where none are given.
-    fn feedback(&self, given: &GainMap) -> Result<Pd, TaskError> {
-        Ok(Pd::new(self.vehicle_indices()?, merge(&self.servo(given)?, given)?, self.direct_actions()?)?)
+    fn feedback(&self, given: &GainMap) -> Result<(Pd, VehicleServo), TaskError> {
+        let (indices, gains) = (self.vehicle_indices()?, merge(&self.servo(given)?, given, 0)?);
+        Ok((Pd::new(indices, gains.clone(), self.direct_actions()?), gains))
     }
 
     fn pd_restoring(&self, given: &GainMap) -> Made {
-        let pd = self.feedback(given)?;
-        let indices = self.model_indices(pd.indices());
-        Ok(Arc::new(PdRestoring::new(pd, indices, self.scene())))
+        let (pd, gains) = self.feedback(given)?;
+        made(PdRestoring::new(pd, self.model_indices()?, self.scene()), &gains)
     }
 
     fn pid(&self, given: &GainMap) -> Made {
         // The default integral gains follow from the others.
         let mut pd = given.clone();
         pd.retain(|name, _| name != "ki");
-        let gains = merge(&PidGains::from_pd(merge(&self.servo(given)?, &pd)?), given)?;
-        Ok(Arc::new(Pid::new(self.vehicle_indices()?, gains, self.direct_actions()?, self.period())?))
+        let gains = merge(&PidGains::from_pd(merge(&self.servo(given)?, &pd, 0)?), given, 0)?;
+        made(Pid::new(self.vehicle_indices()?, gains.clone(), self.direct_actions()?, self.period()), &gains)
     }
 
     fn dob(&self, given: &GainMap) -> Made {
         let observer = ObserverGains { delay: self.known_delay(given), ..ObserverGains::default() };
-        self.model_based(LawGains::Dob(merge(&FeedbackGains::new(self.servo(given)?, observer), given)?))
+        self.model_based(FeedbackGains::new(self.servo(given)?, observer), given, MAX_SENSOR_DELAY, LawGains::Dob)
     }
 
     fn adaptive_dob(&self, given: &GainMap) -> Made {
         let [_, delay] = self.delays();
-        self.model_based(LawGains::Adaptive(merge(&AdaptiveGains::new(self.servo(given)?, delay), given)?))
+        self.model_based(AdaptiveGains::new(self.servo(given)?, delay), given, MAX_DELAY, LawGains::Adaptive)
     }
 
     fn computed_torque(&self, given: &GainMap) -> Made {
@@ -123,48 +127,46 @@ impl Task {
             gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
         }
         let gains = FeedbackGains::new(servo, ObserverGains::filtering(self.delay()));
-        self.model_based(LawGains::ComputedTorque(merge(&gains, given)?))
+        self.model_based(gains, given, MAX_SENSOR_DELAY, LawGains::ComputedTorque)
     }
 
     fn mpc(&self, given: &GainMap) -> Made {
-        self.model_based(LawGains::Mpc(merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?))
+        let gains = MpcGains::new(ObserverGains::filtering(self.delay()));
+        self.model_based(gains, given, MAX_SENSOR_DELAY, LawGains::Mpc)
     }
 
     fn nmpc(&self, given: &GainMap) -> Made {
         if self.options().task.base() != BaseController::ResolvedMotion {
-            return self.model_based(LawGains::Nmpc(merge(&NmpcGains::station_keeping(self.delay()), given)?));
+            return self.model_based(NmpcGains::station_keeping(self.delay()), given, MAX_DELAY, LawGains::Nmpc);
         }
-        let gains = merge(&NmpcGains::tracking(self.delay()), given)?;
-        let (indices, actions) = (self.tracking_indices()?, self.direct_actions()?);
-        Ok(Arc::new(TrackingNmpc::new(self.scene(), indices, gains, actions, self.period())?))
+        let gains = merge(&NmpcGains::tracking(self.delay()), given, MAX_DELAY)?;
+        made(TrackingNmpc::new(&gains, self.tracking_indices()?, self.plant()?), &gains)
     }
 
-    fn model_based(&self, gains: LawGains) -> Made {
-        let indices = self.model_indices(&self.vehicle_indices()?);
-        Ok(Arc::new(ModelBased::new(gains, indices, self.scene(), self.direct_actions()?, self.period())?))
+    fn model_based<G>(&self, gains: G, given: &GainMap, max_delay: usize, law: fn(G) -> LawGains) -> Made
+    where
+        G: Clone + Serialize + DeserializeOwned,
+    {
+        let gains = merge(&gains, given, max_delay)?;
+        made(ModelBased::new(law(gains.clone()), self.model_indices()?, self.plant()?), &gains)
     }
 
     fn resolved_motion(&self, given: &GainMap) -> Made {
         let gains = ResolvedMotionGains { delay: self.known_delay(given), ..ResolvedMotionGains::default() };
-        self.resolved(merge(&gains, given)?, self.direct_actions()?)
-    }
-
-    fn resolved(&self, gains: ResolvedMotionGains, actions: ActionMap) -> Made {
-        let indices = self.tracking_indices()?;
-        Ok(Arc::new(ResolvedMotion::new(self.scene(), indices, gains, actions, self.period())?))
+        let gains = merge(&gains, given, MAX_DELAY)?;
+        made(ResolvedMotion::new(gains, self.tracking_indices()?, self.plant()?), &gains)
     }
 
     fn adaptive_motion(&self, given: &GainMap) -> Made {
         let mut gains = AdaptiveMotionGains::default();
         [_, gains.motion.delay] = self.delays();
-        let (indices, actions) = (self.tracking_indices()?, self.direct_actions()?);
-        let gains = merge(&gains, given)?;
-        Ok(Arc::new(ResolvedMotion::adaptive(self.scene(), indices, gains, actions, self.period())?))
+        let gains = merge(&gains, given, MAX_DELAY)?;
+        made(ResolvedMotion::adaptive(&gains, self.tracking_indices()?, self.plant()?), &gains)
     }
 
     fn dock_pd(&self, given: &GainMap) -> Made {
-        let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
-        Ok(Arc::new(DockPd::new(self.dock_indices()?, gains, self.direct_actions()?)?))
+        let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given, 0)?;
+        made(Pd::docking(self.dock_indices()?, gains.clone(), self.direct_actions()?), &gains)
     }
 
     /// The controller that actions correct, if they do: the PD with the scene's gains, or resolved motion.
@@ -175,14 +177,22 @@ impl Task {
         if self.options().action != ActionKind::Residual {
             return Ok(None);
         }
-        let (actions, none) = (self.model().actions.clone(), GainMap::new());
+        let (actions, servo) = (self.model().actions.clone(), self.servo(&GainMap::new()));
         Ok(Some(match self.options().task.base() {
-            BaseController::Pd => Arc::new(Pd::new(self.vehicle_indices()?, self.servo(&none)?, actions)?),
-            BaseController::ResolvedMotion => self.resolved(ResolvedMotionGains::default(), actions)?,
+            BaseController::Pd => Arc::new(Pd::new(self.vehicle_indices()?, servo?, actions)),
             BaseController::DockPd => {
-                Arc::new(DockPd::new(self.dock_indices()?, DockPdGains::from_pd(self.servo(&none)?), actions)?)
+                Arc::new(Pd::docking(self.dock_indices()?, DockPdGains::from_pd(servo?), actions))
+            }
+            BaseController::ResolvedMotion => {
+                let plant = Plant { scene: self.scene(), actions, period: self.period() };
+                Arc::new(ResolvedMotion::new(ResolvedMotionGains::default(), self.tracking_indices()?, plant))
             }
         }))
+    }
+
+    /// Vehicle and arm under a controller.
+    fn plant(&self) -> Result<Plant<'_>, TaskError> {
+        Ok(Plant { scene: self.scene(), actions: self.direct_actions()?, period: self.period() })
     }
 
     fn period(&self) -> f64 {
@@ -251,35 +261,25 @@ impl Task {
         let TaskKind::EETrack(EETrack { preview, .. }) = &self.options().task else {
             return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
         };
-        let block = |names: &[&str]| self.block_indices(names);
-        let spacing = preview.spacing;
-        let ahead = self
-            .layout()
-            .block("preview")
-            .filter(|_| spacing > 0.0)
-            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale.clone() }, spacing));
+        let previewed = preview.spacing > 0.0 && self.layout().block("preview").is_some();
+        let ObservationIndices { width, error, twist } = self.feedback_indices(["linear_velocity", "angular_velocity"]);
         Ok(TrackingIndices {
-            width: self.observation_len(),
-            error: block(&["position_error", "attitude_error"]),
-            twist: block(&["linear_velocity", "angular_velocity"]),
-            up: block(&["up"]),
-            q: block(&["joint_position"]),
-            qd: block(&["joint_rate"]),
-            reference: block(&["reference_twist"]),
-            ahead,
+            width,
+            error,
+            twist,
+            up: self.block_indices(&["up"]),
+            q: self.block_indices(&["joint_position"]),
+            qd: self.block_indices(&["joint_rate"]),
+            reference: self.block_indices(&["reference_twist"]),
+            ahead: previewed.then(|| (self.block_indices(&["preview"]), preview.spacing)),
         })
     }
 
     /// Indices of consecutive blocks.
     fn block_indices(&self, names: &[&str]) -> BlockIndices {
-        let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
-        let first = blocks
-            .next()
-            .map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
-        blocks.fold(first, |mut indices, block| {
-            indices.scale.extend(&block.scale);
-            indices
-        })
+        let blocks: Vec<_> = names.iter().filter_map(|name| self.layout().block(name)).collect();
+        let scale = blocks.iter().flat_map(|block| block.scale.iter().copied()).collect();
+        BlockIndices { offset: blocks.first().map_or(0, |block| block.offset), scale }
     }
 
     fn vehicle_indices(&self) -> Result<ObservationIndices, TaskError> {
@@ -300,26 +300,16 @@ impl Task {
     }
 
     fn feedback_indices(&self, twist: [&str; 2]) -> ObservationIndices {
-        let six = |names: [&str; 2]| {
-            let mut found = names
-                .into_iter()
-                .filter_map(|name| self.layout().block(name))
-                .flat_map(|block| block.scale.iter().enumerate().map(|(k, scale)| (block.offset + k, *scale)));
-            std::array::from_fn(|_| found.next().expect("the layout of the task holds these two blocks of three"))
-        };
-        ObservationIndices {
-            width: self.observation_len(),
-            error: six(["position_error", "attitude_error"]),
-            twist: six(twist),
-        }
+        let error = self.block_indices(&["position_error", "attitude_error"]);
+        ObservationIndices { width: self.observation_len(), error, twist: self.block_indices(&twist) }
     }
 
-    fn model_indices(&self, vehicle: &ObservationIndices) -> ModelIndices {
-        ModelIndices {
-            vehicle: vehicle.clone(),
+    fn model_indices(&self) -> Result<ModelIndices, TaskError> {
+        Ok(ModelIndices {
+            vehicle: self.vehicle_indices()?,
             arm: [self.block_indices(&["joint_position"]), self.block_indices(&["joint_rate"])],
             reference: [self.block_indices(&["joint_reference"]), self.block_indices(&["joint_reference_rate"])],
             home: self.model().home[..self.joint_count()].to_vec(),
-        }
+        })
     }
 }

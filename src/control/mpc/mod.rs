@@ -31,7 +31,6 @@ const MIN_THRUST: f64 = 1e-12;
 /// quadratic program with bounds is solved. `[TMT14]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mpc {
-    gains: MpcGains,
     /// Relative thrusts; a plan has one set for each move.
     pub thrusts: RelativeThrusts,
     /// Hessian of the cost: by plan, and by plan and parameters.
@@ -46,9 +45,9 @@ pub struct Mpc {
 
 impl Mpc {
     /// For a checked scene.
-    pub fn new(gains: MpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
+    pub fn new(gains: &MpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
         let (thrusts, unit) = (RelativeThrusts::new(actions.allocation()), actions.allocation().wrench_limits());
-        let model = LinearModel::new(observer.model(), &scene.home(), unit, &gains, observer.period());
+        let model = LinearModel::new(observer.model(), &scene.home(), unit, gains, observer.period());
         let (moves, m) = (MOVES.len(), thrusts.count());
         let plan = 6 * moves;
         let by_wrenches = model.hessian();
@@ -67,12 +66,7 @@ impl Mpc {
             None => DMatrix::zeros(moves * m, PARAMETERS),
         };
         let bounds = [0, 1].map(|side| DVector::from_fn(moves * m, |k, _| thrusts.bounds[side][k % m]));
-        Self { gains, thrusts, hessian, cross, gain, bounds }
-    }
-
-    /// Its gains.
-    pub fn gains(&self) -> &MpcGains {
-        &self.gains
+        Self { thrusts, hessian, cross, gain, bounds }
     }
 
     /// Plan of minimum cost within the limits.

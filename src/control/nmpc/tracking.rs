@@ -5,14 +5,13 @@ use nalgebra::{DMatrix, DVector, Vector6};
 use super::arm_model::{ArmModel, PlanLayout};
 use super::gains::NmpcGains;
 use super::real_time::{Cost, Plan};
-use crate::control::controller::{Controller, Widths};
-use crate::control::gains::{self, GainMap, MAX_DELAY, to_map};
+use crate::control::controller::{Controller, Plant, Widths};
 use crate::control::indices::ATTITUDE_LEVER;
+use crate::control::likelihood::Likelihood;
 use crate::control::nominal_model::NominalModel;
 use crate::control::resolved_motion::{MotionBank, MotionEstimates, TrackingIndices, reached};
 use crate::control::thrusts::MIN_EFFORT;
 use crate::control::{ActionMap, Actuation};
-use crate::description::Scene;
 use crate::error::ControlError;
 
 /// Control periods of a plan.
@@ -28,7 +27,6 @@ const END: f64 = 5.0;
 /// their times.
 pub struct TrackingNmpc {
     indices: TrackingIndices,
-    gains: NmpcGains,
     actions: ActionMap,
     actuation: Actuation<f64>,
     model: NominalModel,
@@ -40,36 +38,25 @@ pub struct TrackingNmpc {
 }
 
 impl TrackingNmpc {
-    /// For a checked scene, to act every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative, or a delay beyond [`MAX_DELAY`].
-    pub fn new(
-        scene: &Scene,
-        indices: TrackingIndices,
-        gains: NmpcGains,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        gains::check_delay(gains.delay, MAX_DELAY)?;
+    /// For checked gains.
+    pub fn new(gains: &NmpcGains, indices: TrackingIndices, plant: Plant) -> Self {
+        let Plant { scene, actions, period } = plant;
         let (layout, model) = (PlanLayout::new(&actions), NominalModel::new(scene));
-        let roots = roots(&layout, &gains, &actions.allocation().wrench_limits());
+        let roots = roots(&layout, gains, &actions.allocation().wrench_limits());
         let hessian = roots.tr_mul(&roots);
         let mut end = hessian.view((0, 0), (layout.states(), layout.states())).into_owned();
         end.view_mut((0, 0), (6, 6)).scale_mut(END);
-        Ok(Self {
-            bank: MotionBank::single(gains.predictor(), &model, &actions, period),
+        Self {
+            bank: MotionBank::new(&[(gains.predictor(), 1.0)], Likelihood::none(), &model, &actions, period),
             bounds: layout.bounds(),
             model,
             home: scene.joints().map(|joint| joint.home).collect(),
             actuation: Actuation::new(&actions),
             cost: Cost { hessian, end },
             indices,
-            gains,
             actions,
             layout,
-        })
+        }
     }
 
     /// Numbers of memory per instance: the plan's relative thrusts and torques.
@@ -184,10 +171,6 @@ impl Controller for TrackingNmpc {
     fn widths(&self) -> Widths {
         let memory = self.bank.memory() + self.plan_memory();
         Widths { observation: self.indices.width, memory, action: self.actions.len() }
-    }
-
-    fn gains(&self) -> GainMap {
-        to_map(&self.gains)
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {

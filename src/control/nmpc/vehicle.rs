@@ -36,7 +36,6 @@ pub struct Present {
 /// Plans of thrusts over the next [`HORIZON`] control periods.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleNmpc {
-    gains: NmpcGains,
     model: NominalModel,
     period: f64,
     thrusts: RelativeThrusts,
@@ -48,50 +47,23 @@ pub struct VehicleNmpc {
 
 impl VehicleNmpc {
     /// For a checked scene.
-    pub fn new(gains: NmpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
+    pub fn new(gains: &NmpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
         let (allocation, period) = (actions.allocation(), observer.period());
-        let (unit, thrusts) = (allocation.wrench_limits(), RelativeThrusts::new(allocation));
+        let thrusts = RelativeThrusts::new(allocation);
         let middle = |k: usize| WaveTransition::over(gains.wave_frequency, (k as f64 + 0.5) * period);
         let waves = (0..=HORIZON).map(middle).collect();
-        let model = observer.model().clone();
+        let roots = roots(&thrusts, gains, &allocation.wrench_limits());
         let empty = Cost { hessian: DMatrix::zeros(0, 0), end: DMatrix::zeros(0, 0) };
-        let mut nmpc = Self { gains, model, period, thrusts, cost: empty, waves };
-        let q = scene.home();
-        let still = ArmState { q, qd: [0.0; JOINTS] };
+        let mut nmpc = Self { model: observer.model().clone(), period, thrusts, cost: empty, waves };
+        let still = ArmState { q: scene.home(), qd: [0.0; JOINTS] };
         let rest = Present { state: [[0.0; 6]; 3], wrenches: [[0.0; 6]; 4], arms: [still; 2] };
-        nmpc.cost = Cost::new(&nmpc.roots(&unit), &nmpc.dynamics(&rest));
+        nmpc.cost = Cost::new(&roots, &nmpc.dynamics(&rest));
         nmpc
-    }
-
-    /// Its gains.
-    pub fn gains(&self) -> &NmpcGains {
-        &self.gains
     }
 
     /// Numbers of memory per instance: the plan's relative thrusts.
     pub fn memory(&self) -> usize {
         HORIZON * self.thrusts.count()
-    }
-
-    /// Roots of a knot's cost: rows of weighted residuals of `z = [pose error; twist; thrusters' wrench; thrusts]`.
-    fn roots(&self, unit: &[f64; 6]) -> DMatrix<f64> {
-        let (count, gains) = (self.thrusts.count(), &self.gains);
-        let root = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() } else { 0.0 };
-        let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
-        let mut roots = DMatrix::zeros(24 + count, STATES + count);
-        for k in 0..6 {
-            let lever = if k < 3 { 1.0 } else { ATTITUDE_LEVER };
-            roots[(k, k)] = root(k, 1.0) * lever;
-            roots[(6 + k, 6 + k)] = root(k, gains.velocity[k / 3]) * lever;
-            let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
-            let row = self.thrusts.wrench.row(k);
-            roots.view_mut((12 + k, STATES), (1, count)).copy_from(&(row * over(k, effort)));
-            roots.view_mut((18 + k, STATES), (1, count)).copy_from(&(row * over(k, change)));
-            roots[(18 + k, 12 + k)] = -over(k, change);
-        }
-        let cancelling = self.thrusts.cancelling_root(gains.effort.iter().chain(&gains.change));
-        roots.view_mut((24, STATES), (count, count)).copy_from(&cancelling);
-        roots
     }
 
     fn at<'a>(&'a self, present: &'a Present) -> VehicleModel<'a> {
@@ -127,6 +99,27 @@ impl VehicleNmpc {
         }
         target
     }
+}
+
+/// Roots of a knot's cost: rows of weighted residuals of `z = [pose error; twist; thrusters' wrench; thrusts]`.
+fn roots(thrusts: &RelativeThrusts, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
+    let count = thrusts.count();
+    let root = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() } else { 0.0 };
+    let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
+    let mut roots = DMatrix::zeros(24 + count, STATES + count);
+    for k in 0..6 {
+        let lever = if k < 3 { 1.0 } else { ATTITUDE_LEVER };
+        roots[(k, k)] = root(k, 1.0) * lever;
+        roots[(6 + k, 6 + k)] = root(k, gains.velocity[k / 3]) * lever;
+        let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
+        let row = thrusts.wrench.row(k);
+        roots.view_mut((12 + k, STATES), (1, count)).copy_from(&(row * over(k, effort)));
+        roots.view_mut((18 + k, STATES), (1, count)).copy_from(&(row * over(k, change)));
+        roots[(18 + k, 12 + k)] = -over(k, change);
+    }
+    let cancelling = thrusts.cancelling_root(gains.effort.iter().chain(&gains.change));
+    roots.view_mut((24, STATES), (count, count)).copy_from(&cancelling);
+    roots
 }
 
 /// The nominal model from the present on.

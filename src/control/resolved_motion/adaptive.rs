@@ -3,9 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::gains::ResolvedMotionGains;
-use crate::control::gains;
 use crate::control::likelihood::Likelihood;
-use crate::error::ControlError;
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion) on a bank of models of delay and thrust.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -38,15 +36,9 @@ impl Default for AdaptiveMotionGains {
 }
 
 impl AdaptiveMotionGains {
-    pub(super) fn check(&self) -> Result<(), ControlError> {
-        gains::check(self)?;
-        self.motion.check()?;
-        gains::check_positive(&[("thrust_factors", &self.thrust_factors), ("innovation", &self.innovation)])
-    }
-
     /// Gains of the models, by delay and by factor on the thrust, and the factors.
     pub(super) fn models(&self, period: f64) -> Vec<(ResolvedMotionGains, f64)> {
-        let of_delay = |delay: usize| {
+        let at_delay = |delay: usize| {
             let [pose, rate] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
             ResolvedMotionGains {
                 pose_gain: self.motion.pose_gain * pose,
@@ -56,7 +48,7 @@ impl AdaptiveMotionGains {
                 ..self.motion
             }
         };
-        (0..=self.motion.delay).flat_map(|delay| self.thrust_factors.map(|factor| (of_delay(delay), factor))).collect()
+        (0..=self.motion.delay).flat_map(|delay| self.thrust_factors.map(|factor| (at_delay(delay), factor))).collect()
     }
 
     pub(super) fn likelihood(&self, period: f64) -> Likelihood<3> {

@@ -87,12 +87,6 @@ struct Memory<'a> {
 }
 
 impl MotionBank {
-    /// A bank of one model.
-    pub fn single(gains: ResolvedMotionGains, model: &NominalModel, actions: &ActionMap, period: f64) -> Self {
-        let likelihood = Likelihood::new([f64::INFINITY; 3], 0.0, period);
-        Self::new(&[(gains, 1.0)], likelihood, model, actions, period)
-    }
-
     /// For models by their gains and factors on the thrust; `likelihood` is for several.
     pub fn new(
         models: &[(ResolvedMotionGains, f64)],

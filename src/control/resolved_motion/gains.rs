@@ -2,9 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::gains::{self, MAX_DELAY};
-use crate::error::ControlError;
-
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ResolvedMotionGains {
@@ -27,7 +24,7 @@ pub struct ResolvedMotionGains {
     /// Bandwidths of the disturbance observer: of forces and moments on the vehicle, and of torques on joints, rad/s; 0
     /// for none.
     pub observer_bandwidth: [f64; 3],
-    /// Age of measurements that the prediction compensates, control periods, at most [`MAX_DELAY`].
+    /// Age of measurements that the prediction compensates, control periods, at most [`MAX_DELAY`](crate::control::MAX_DELAY).
     pub delay: usize,
 }
 
@@ -49,11 +46,6 @@ impl Default for ResolvedMotionGains {
 }
 
 impl ResolvedMotionGains {
-    pub(super) fn check(&self) -> Result<(), ControlError> {
-        gains::check(self)?;
-        gains::check_delay(self.delay, MAX_DELAY)
-    }
-
     /// True if an observer or a prediction is needed.
     pub(super) fn predicts(&self) -> bool {
         self.delay > 0 || self.observer_bandwidth.iter().any(|bandwidth| *bandwidth > 0.0)

@@ -13,13 +13,12 @@ pub(super) use bank::{MotionBank, MotionEstimate, MotionEstimates};
 pub use gains::ResolvedMotionGains;
 pub use reading::{TrackingIndices, TrackingState};
 
-use super::controller::{Controller, Widths};
+use super::controller::{Controller, Plant, Widths};
 use super::equations::{Equations, VELOCITIES, Velocities};
-use super::gains::{GainMap, to_map};
 use super::likelihood::Likelihood;
 use super::nominal_model::NominalModel;
 use super::{ACTIONS, ActionMap, Actuation};
-use crate::description::{JointLimits, Scene};
+use crate::description::JointLimits;
 use crate::error::ControlError;
 use crate::system::JOINTS;
 
@@ -42,7 +41,6 @@ const MISSED: f64 = 1e-4;
 /// observer per model of delay and thrust, and acts by the mean of their laws.
 pub struct ResolvedMotion {
     indices: TrackingIndices,
-    given: GainMap,
     /// Gains by model.
     gains: Vec<ResolvedMotionGains>,
     actions: ActionMap,
@@ -58,54 +56,30 @@ pub struct ResolvedMotion {
 }
 
 impl ResolvedMotion {
-    /// For a checked scene, to act every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative, or a delay beyond [`MAX_DELAY`](super::MAX_DELAY).
-    pub fn new(
-        scene: &Scene,
-        indices: TrackingIndices,
-        gains: ResolvedMotionGains,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains.check()?;
-        let likelihood = Likelihood::new([f64::INFINITY; 3], 0.0, period);
-        Self::on_models(scene, indices, to_map(&gains), &[(gains, 1.0)], likelihood, actions, period)
+    /// For checked gains.
+    pub fn new(gains: ResolvedMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
+        Self::on_models(&[(gains, 1.0)], Likelihood::none(), indices, plant)
     }
 
-    /// On a bank of models, as [`Self::new`].
-    ///
-    /// # Errors
-    /// Also for a factor or a deviation of 0.
-    pub fn adaptive(
-        scene: &Scene,
-        indices: TrackingIndices,
-        gains: AdaptiveMotionGains,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains.check()?;
-        let (models, likelihood) = (gains.models(period), gains.likelihood(period));
-        Self::on_models(scene, indices, to_map(&gains), &models, likelihood, actions, period)
+    /// On a bank of models, for checked gains.
+    pub fn adaptive(gains: &AdaptiveMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
+        Self::on_models(&gains.models(plant.period), gains.likelihood(plant.period), indices, plant)
     }
 
     fn on_models(
-        scene: &Scene,
-        indices: TrackingIndices,
-        given: GainMap,
         models: &[(ResolvedMotionGains, f64)],
         likelihood: Likelihood<3>,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
+        indices: TrackingIndices,
+        plant: Plant,
+    ) -> Self {
+        let Plant { scene, actions, period } = plant;
         let model = NominalModel::new(scene);
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
         let needs_bank = models.len() > 1 || models[0].0.predicts();
         let bank = needs_bank.then(|| MotionBank::new(models, likelihood, &model, &actions, period));
         let (gains, actuation) = (models.iter().map(|(gains, _)| *gains).collect(), Actuation::new(&actions));
-        Ok(Self { indices, given, gains, actions, actuation, model, period, bank, home, limits, actuated })
+        Self { indices, gains, actions, actuation, model, period, bank, home, limits, actuated }
     }
 
     /// Commanded accelerations, for an integral of the pose error.
@@ -224,10 +198,6 @@ impl Controller for ResolvedMotion {
     fn widths(&self) -> Widths {
         let memory = self.integrals() + self.bank.as_ref().map_or(0, MotionBank::memory);
         Widths { observation: self.indices.width, memory, action: self.actions.len() }
-    }
-
-    fn gains(&self) -> GainMap {
-        self.given.clone()
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {

@@ -124,7 +124,7 @@ fn an_instance_takes_less_than_three_kilobytes() {
 }
 
 fn classical(batch: &TaskBatch, name: &str) -> Arc<dyn Controller> {
-    batch.task().controller(ControllerKind::named(name).unwrap(), &GainMap::new()).unwrap()
+    batch.task().controller(ControllerKind::named(name).unwrap(), &GainMap::new()).unwrap().0
 }
 
 /// What stepping with a policy's actions brings in so many periods.

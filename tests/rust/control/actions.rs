@@ -3,6 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use proptest::prelude::*;
 
+use super::{actuated, block};
 use uvms_gym::control::*;
 use uvms_gym::description::{Scene, Thruster, Vehicle, VehicleServo};
 use uvms_gym::error::ControlError;
@@ -14,6 +15,10 @@ fn heavy() -> Vehicle {
 
 /// Position, axis and limits.
 type Short = ([f64; 3], [f64; 3], [f64; 2]);
+
+/// Two thrusters beside each other.
+const SIDES: [Short; 2] =
+    [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
 
 fn with_thrusters(thrusters: &[Short]) -> Vehicle {
     let thruster = |(i, (position, axis, limits)): (usize, &Short)| {
@@ -30,13 +35,6 @@ fn allocation() -> Allocation {
     Allocation::new(&heavy()).unwrap()
 }
 
-/// Thrusts and torques of an action.
-fn actuated(map: &ActionMap, action: &[f32]) -> Actuated<f64> {
-    let mut entries = [0.0; ACTIONS];
-    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-    Actuation::new(map).act(&entries)
-}
-
 /// Share of thrusters at their limit.
 fn saturation(allocation: &Allocation, thrusts: &Thrusts) -> f64 {
     let full = |&i: &usize| {
@@ -44,10 +42,6 @@ fn saturation(allocation: &Allocation, thrusts: &Thrusts) -> f64 {
         thrusts[i] != 0.0 && thrusts[i].abs() >= (1.0 - 1e-9) * limit
     };
     (0..allocation.count()).filter(full).count() as f64 / allocation.count().max(1) as f64
-}
-
-fn thrusts(map: &ActionMap, action: &[f32]) -> Thrusts {
-    actuated(map, action).thrusts
 }
 
 proptest! {
@@ -114,12 +108,12 @@ proptest! {
         let limits = Vector6::from(a.wrench_limits());
         let reached = a.wrench(&a.allocate(&wrench.component_div(&Vector6::repeat(300.0)).component_mul(&limits)));
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-            let map = ActionMap::new(kind, a.clone(), Vec::new());
+            let map = map(kind);
             let mut action = vec![0.0f32; map.len()];
             map.normalise(&reached, &mut action);
             prop_assert!(action.iter().all(|x| x.abs() <= 1.0));
             // Within what f32 actions resolve.
-            prop_assert!((a.wrench(&thrusts(&map, &action)) - reached).norm() < 1e-4);
+            prop_assert!((a.wrench(&actuated(&map, &action).thrusts) - reached).norm() < 1e-4);
         }
     }
 }
@@ -156,8 +150,7 @@ fn configuration_is_axis_and_lever() {
 
 #[test]
 fn axes_without_thrust_have_no_limit_and_are_named() {
-    let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
-    let a = Allocation::new(&with_thrusters(&sides)).unwrap();
+    let a = Allocation::new(&with_thrusters(&SIDES)).unwrap();
     assert_eq!(a.unactuated(), ["sway", "heave", "roll", "pitch"]);
     let limits = a.wrench_limits();
     assert!((limits[0] - 20.0).abs() < 1e-12, "both back at 10 N: {limits:?}");
@@ -240,14 +233,16 @@ fn a_wrench_beyond_all_bounds_keeps_its_direction() {
     assert!((huge - unit).norm() < 1e-9 * unit.norm());
 }
 
+fn map(kind: ActionKind) -> ActionMap {
+    ActionMap::new(kind, allocation(), Vec::new())
+}
+
+fn indices() -> ObservationIndices {
+    ObservationIndices { width: 12, error: block(0, 6, 0.1), twist: block(6, 6, 0.2) }
+}
+
 fn pd(kind: ActionKind) -> Pd {
-    let reading = ObservationIndices {
-        width: 12,
-        error: std::array::from_fn(|k| (k, 0.1)),
-        twist: std::array::from_fn(|k| (6 + k, 0.2)),
-    };
-    let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
-    Pd::new(reading, gains, ActionMap::new(kind, allocation(), Vec::new())).unwrap()
+    Pd::new(indices(), VehicleServo { kp: [100.0; 6], kd: [30.0; 6] }, map(kind))
 }
 
 #[test]
@@ -259,17 +254,16 @@ fn pd_pushes_back_along_every_axis() {
         let expected = if k < 6 { -100.0 * 0.05 } else { -30.0 * 0.1 };
         assert!((asked - Vector6::ith(k % 6, expected)).norm() < 1e-12);
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-            let map = ActionMap::new(kind, allocation(), Vec::new());
-            let mut action = vec![0.0; map.len()];
+            let mut action = vec![0.0; map(kind).len()];
             pd(kind).act(&observation, &mut [], &mut action).unwrap();
-            assert!((allocation().wrench(&thrusts(&map, &action)) - asked).norm() < 1e-4);
+            assert!((allocation().wrench(&actuated(&map(kind), &action).thrusts) - asked).norm() < 1e-4);
         }
     }
 }
 
 fn pid(kind: ActionKind, ki: f64) -> Pid {
     let gains = PidGains { kp: [100.0; 6], kd: [30.0; 6], ki: [ki; 6] };
-    Pid::new(pd(kind).indices().clone(), gains, ActionMap::new(kind, allocation(), Vec::new()), 0.1).unwrap()
+    Pid::new(indices(), gains, map(kind), 0.1)
 }
 
 /// An observation of this error on one axis; its scale is 0.1.
@@ -290,7 +284,7 @@ fn held(pid: &Pid, observation: &[f32; 12], periods: usize, integral: &mut [f64;
 fn pid_without_integral_gains_is_the_pd() {
     let observation: [f32; 12] = std::array::from_fn(|k| (k as f32 - 5.0) * 0.03);
     for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-        let mut action = vec![0.0; ActionMap::new(kind, allocation(), Vec::new()).len()];
+        let mut action = vec![0.0; map(kind).len()];
         pd(kind).act(&observation, &mut [], &mut action).unwrap();
         assert_eq!(held(&pid(kind, 0.0), &observation, 30, &mut [0.0; 6]), action);
     }
@@ -334,10 +328,9 @@ fn integral_waits_while_its_axis_falls_short_and_turns_at_once() {
 
 #[test]
 fn integral_does_not_wind_up_on_an_axis_without_thrust() {
-    let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
-    let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&sides)).unwrap(), Vec::new());
+    let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&SIDES)).unwrap(), Vec::new());
     let gains = PidGains { kp: [1.0; 6], kd: [1.0; 6], ki: [1.0; 6] };
-    let pid = Pid::new(pd(ActionKind::Wrench).indices().clone(), gains, map, 0.1).unwrap();
+    let pid = Pid::new(indices(), gains, map, 0.1);
     let mut integral = [0.0; 6];
     held(&pid, &error_on(1, 0.3), 100, &mut integral);
     assert_eq!(integral, [0.0; 6]);

@@ -4,7 +4,7 @@ use nalgebra::{DVector, Vector6};
 use proptest::prelude::*;
 use uvms_gym::control::mpc::model::{LinearModel, MOVES};
 use uvms_gym::control::mpc::{Mpc, PARAMETERS};
-use uvms_gym::control::{ActionKind, ActionMap, Allocation, MpcGains, Observer, ObserverGains};
+use uvms_gym::control::{MpcGains, Observer, ObserverGains};
 use uvms_gym::description::Scene;
 
 struct Case {
@@ -15,10 +15,9 @@ struct Case {
 fn case(name: &str) -> Case {
     let scene = Scene::shipped(name).unwrap();
     let observer = Observer::new(ObserverGains::default(), 0.0, &scene, 0.1);
-    let actions = ActionMap::new(ActionKind::Wrench, Allocation::new(&scene.vehicle).unwrap(), Vec::new());
-    let mpc = Mpc::new(MpcGains::default(), &scene, &observer, &actions);
-    let unit = actions.allocation().wrench_limits();
-    let model = LinearModel::new(observer.model(), &scene.home(), unit, mpc.gains(), 0.1);
+    let (actions, gains) = (super::actions(&scene, &[]), MpcGains::default());
+    let mpc = Mpc::new(&gains, &scene, &observer, &actions);
+    let model = LinearModel::new(observer.model(), &scene.home(), actions.allocation().wrench_limits(), &gains, 0.1);
     Case { mpc, model }
 }
 

@@ -1,11 +1,11 @@
 //! Nonlinear model-predictive control: its plan near rest is linear feedback, and keeps within the limits.
 
 use nalgebra::{DMatrix, DVector, Vector6};
+
+use super::{JOINT_TORQUES, actions, tracking_indices};
 use uvms_gym::control::nmpc::real_time::PlanModel;
 use uvms_gym::control::nmpc::vehicle::{HORIZON, Present, VehicleNmpc};
-use uvms_gym::control::{
-    ActionKind, ActionMap, Allocation, ArmState, BlockIndices, NmpcGains, Observer, TrackingIndices, TrackingNmpc,
-};
+use uvms_gym::control::{ActionMap, ArmState, NmpcGains, Observer, Plant, TrackingNmpc};
 use uvms_gym::description::Scene;
 use uvms_gym::system::JOINTS;
 
@@ -17,10 +17,8 @@ struct Case {
 
 fn case(name: &str) -> Case {
     let scene = Scene::shipped(name).unwrap();
-    let actions = ActionMap::new(ActionKind::Wrench, Allocation::new(&scene.vehicle).unwrap(), Vec::new());
-    let gains = NmpcGains::default();
-    let observer = Observer::new(Default::default(), 0.0, &scene, 0.1);
-    let nmpc = VehicleNmpc::new(gains, &scene, &observer, &actions);
+    let (actions, observer) = (actions(&scene, &[]), Observer::new(Default::default(), 0.0, &scene, 0.1));
+    let nmpc = VehicleNmpc::new(&NmpcGains::default(), &scene, &observer, &actions);
     Case { scene, actions, nmpc }
 }
 
@@ -83,20 +81,8 @@ fn thrusts_of_a_far_target_are_at_their_limits_and_within() {
 #[test]
 fn derivatives_of_a_tracking_period_are_those_of_differences() {
     let scene = Scene::shipped("petasus-pum").unwrap();
-    let allocation = Allocation::new(&scene.vehicle).unwrap();
-    let actions = ActionMap::new(ActionKind::Wrench, allocation, vec![14.0, 21.0, 4.0, 0.9, 0.06]);
-    let block = |offset, count| BlockIndices { offset, scale: vec![1.0; count] };
-    let indices = TrackingIndices {
-        width: 31,
-        error: block(0, 6),
-        twist: block(6, 6),
-        up: block(12, 3),
-        q: block(15, 5),
-        qd: block(20, 5),
-        reference: block(25, 6),
-        ahead: None,
-    };
-    let nmpc = TrackingNmpc::new(&scene, indices, NmpcGains::tracking(0), actions, 0.1).unwrap();
+    let plant = Plant { scene: &scene, actions: actions(&scene, &JOINT_TORQUES), period: 0.1 };
+    let nmpc = TrackingNmpc::new(&NmpcGains::tracking(0), tracking_indices(), plant);
     let mut row: Vec<f32> = (0..31).map(|k| 0.3 * (1.0 + k as f32).sin()).collect();
     row[12..15].copy_from_slice(&[0.28, -0.096, 0.955_176]);
     nmpc.at_first(&row, |model| {

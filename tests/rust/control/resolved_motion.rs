@@ -3,9 +3,10 @@
 use std::rc::Rc;
 
 use nalgebra::{Rotation3, Vector3, Vector6};
+
+use super::{JOINT_TORQUES, actions, actuated, tracking_indices};
 use uvms_gym::control::{
-    ACTIONS, ActionKind, ActionMap, Actuation, Allocation, BlockIndices, ChainState, Controller, NominalModel,
-    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Velocities,
+    ActionMap, ChainState, Controller, NominalModel, Plant, ResolvedMotion, ResolvedMotionGains, Velocities,
 };
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
@@ -13,35 +14,15 @@ use uvms_gym::system::{JOINTS, Joints, State};
 
 const PERIOD: f64 = 0.1;
 const SUBSTEPS: u32 = 50;
-const JOINT_TORQUES: [f64; 5] = [14.0, 21.0, 4.0, 0.9, 0.06];
 const N: usize = 5;
-
-/// An observation in SI units, without a preview.
-fn reading() -> TrackingIndices {
-    let entries = |offset, count| BlockIndices { offset, scale: vec![1.0; count] };
-    TrackingIndices {
-        width: 31,
-        error: entries(0, 6),
-        twist: entries(6, 6),
-        up: entries(12, 3),
-        q: entries(15, N),
-        qd: entries(20, N),
-        reference: entries(25, 6),
-        ahead: None,
-    }
-}
 
 fn scene() -> Scene {
     Scene::shipped("petasus-pum").unwrap()
 }
 
-fn actions() -> ActionMap {
-    let allocation = Allocation::new(&scene().vehicle).unwrap();
-    ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec())
-}
-
 fn policy(gains: ResolvedMotionGains) -> ResolvedMotion {
-    ResolvedMotion::new(&scene(), reading(), gains, actions(), PERIOD).unwrap()
+    let plant = Plant { scene: &scene(), actions: actions(&scene(), &JOINT_TORQUES), period: PERIOD };
+    ResolvedMotion::new(gains, tracking_indices(), plant)
 }
 
 fn gains() -> ResolvedMotionGains {
@@ -50,15 +31,15 @@ fn gains() -> ResolvedMotionGains {
 
 /// Vehicle and arm in still water, and the pose error for small motions.
 #[derive(Clone)]
-struct Plant {
+struct Simulation {
     model: Rc<NominalModel>,
-    actuation: Rc<Actuation<f64>>,
+    map: Rc<ActionMap>,
     home: Joints,
     rotation: Rotation3<f64>,
     now: Motion,
 }
 
-/// State of the plant.
+/// State of vehicle and arm.
 #[derive(Clone)]
 struct Motion {
     error: Vector6<f64>,
@@ -67,14 +48,12 @@ struct Motion {
     q: Joints,
 }
 
-impl Plant {
+impl Simulation {
     fn at_home() -> Self {
-        let mut q = [0.0; JOINTS];
-        scene().joints().zip(&mut q).for_each(|(joint, q)| *q = joint.home);
+        let q = scene().home();
         let now = Motion { error: Vector6::zeros(), velocities: Velocities::zeros(), up: Vector3::z(), q };
-        let (model, actuation) = (NominalModel::new(&scene()), Actuation::new(&actions()));
-        let rotation = Rotation3::identity();
-        Self { model: Rc::new(model), actuation: Rc::new(actuation), home: q, rotation, now }
+        let (model, map) = (NominalModel::new(&scene()), actions(&scene(), &JOINT_TORQUES));
+        Self { model: Rc::new(model), map: Rc::new(map), home: q, rotation: Rotation3::identity(), now }
     }
 
     fn observation(&self) -> Vec<f32> {
@@ -87,9 +66,7 @@ impl Plant {
 
     /// Wrench and torques of an action within the actuators' limits.
     fn reached(&self, action: &[f32]) -> Velocities {
-        let mut entries = [0.0; ACTIONS];
-        entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        let actuated = self.actuation.act(&entries);
+        let actuated = actuated(&self.map, action);
         let mut reached = Velocities::zeros();
         reached.fixed_rows_mut::<6>(0).copy_from_slice(&actuated.wrench.to_array());
         reached.fixed_rows_mut::<JOINTS>(6).copy_from_slice(&actuated.torques);
@@ -116,7 +93,7 @@ impl Plant {
 /// half, the error at the end, and the memory.
 fn closed_loop(
     policy: &ResolvedMotion,
-    start: Plant,
+    start: Simulation,
     load: &Velocities,
     late: usize,
     periods: usize,
@@ -156,13 +133,13 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
     let gains = ResolvedMotionGains { posture_gain: 0.0, levelling_gain: 0.0, ..ResolvedMotionGains::default() };
     let (policy, balance, mut draw) = (policy(gains), ClosedFormModel::new(&scene()).unwrap(), noise(3));
     for _ in 0..10 {
-        let mut plant = Plant::at_home();
+        let mut plant = Simulation::at_home();
         plant.rotation = Rotation3::from_euler_angles(0.05 * draw(), 0.05 * draw(), 0.0);
         plant.now.up = plant.rotation.inverse() * Vector3::z();
         for k in 0..6 + N {
             plant.now.velocities[k] = 0.02 * draw();
         }
-        // What is seen is rounded to single precision.
+        // The observation is rounded to single precision.
         let mut action = vec![0.0; 11];
         policy.act(&plant.observation(), &mut [], &mut action).unwrap();
         let effort = plant.reached(&action);
@@ -183,11 +160,11 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
 #[test]
 fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
     let with = |observer_bandwidth, delay| ResolvedMotionGains { observer_bandwidth, delay, ..gains() };
-    let (_, plain, _) = closed_loop(&policy(gains()), Plant::at_home(), &load(), 0, 150);
+    let (_, plain, _) = closed_loop(&policy(gains()), Simulation::at_home(), &load(), 0, 150);
     assert!(plain > 0.02, "{plain}");
     for delay in [0, 1, 2] {
         let policy = policy(with([3.0, 3.0, 3.0], delay));
-        let (_, error, memory) = closed_loop(&policy, Plant::at_home(), &load(), delay, 150);
+        let (_, error, memory) = closed_loop(&policy, Simulation::at_home(), &load(), delay, 150);
         let found = &memory[1 + 6 + N..][..6 + N];
         for k in 0..6 + N {
             let scale = if k < 6 { 1.0 } else { JOINT_TORQUES[k - 6] };
@@ -200,10 +177,10 @@ fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
 #[test]
 fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
     let policy = policy(ResolvedMotionGains { integral_gain: 0.5, ..gains() });
-    let (_, error, _) = closed_loop(&policy, Plant::at_home(), &load(), 0, 300);
+    let (_, error, _) = closed_loop(&policy, Simulation::at_home(), &load(), 0, 300);
     assert!(error < 2e-3, "{error}");
     // More than the thrusters reach.
-    let mut plant = Plant::at_home();
+    let mut plant = Simulation::at_home();
     plant.now.error[0] = 20.0;
     let (mut memory, mut action) = (vec![0.0; 6], vec![0.0; 11]);
     for _ in 0..1000 {
@@ -220,7 +197,7 @@ fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
 #[test]
 fn a_prediction_makes_up_for_the_delay() {
     let fast = ResolvedMotionGains { pose_gain: 2.5, twist_gain: 5.0, joint_gain: 6.0, ..gains() };
-    let mut start = Plant::at_home();
+    let mut start = Simulation::at_home();
     start.now.error[1] = 0.1;
     start.now.velocities[0] = 0.2;
     let run = |delay, late| {

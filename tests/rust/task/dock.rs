@@ -128,7 +128,7 @@ fn the_controllers_approach_speed_is_limited() {
     let task = task();
     let gains = serde_json::json!({"approach_speed": 0.3, "turn_speed": 0.2});
     let given: GainMap = gains.as_object().unwrap().clone();
-    let controller = task.controller(kind("dock-pd"), &given).unwrap();
+    let (controller, _) = task.controller(kind("dock-pd"), &given).unwrap();
     let servo = task.scene().vehicle.servo.clone().unwrap();
     let surge = |x: f64, speed: f64| {
         let (mut episode, mut state) = on_the_dock(&task);

@@ -41,7 +41,7 @@ fn references(task: &Task, episode: &Episode) -> Vec<JointReference> {
 }
 
 fn pd(task: &Task) -> Result<Arc<dyn Controller>, TaskError> {
-    task.controller(ControllerKind::named("pd").unwrap(), &GainMap::new())
+    Ok(task.controller(ControllerKind::named("pd").unwrap(), &GainMap::new())?.0)
 }
 
 #[test]
