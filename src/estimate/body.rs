@@ -30,29 +30,19 @@ fn rounded_vector(v: Vector3<f64>) -> Vector3<f64> {
     v.map(|x| if x.abs() < 1e-12 { 0.0 } else { digits(x) })
 }
 
-/// Diagonals of one shape in its own frame.
-struct Hydrodynamics {
-    added_mass: Vector6<f64>,
-    quadratic: Vector6<f64>,
-    linear: Vector6<f64>,
-}
-
-fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> Hydrodynamics {
-    let remaining = shape.perforation.map(tables::perforated);
-    let closed = shape.solidities();
-    // Rotation moves water across both other axes: the greater factor applies to added mass, the mean to damping.
+/// Diagonals of one shape in its own frame: added mass, linear and quadratic damping.
+fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> [Vector6<f64>; 3] {
+    let (remaining, closed) = (shape.perforation.map(tables::perforated), shape.solidities());
+    // Rotation moves water across both other axes: the maximum factor applies to added mass, the mean to damping.
     let on_mass = |i: usize| {
         if i < 3 { remaining[i] } else { others(i - 3).map(|j| remaining[j]).into_iter().fold(0.0, f64::max) }
     };
     let on_drag = |i: usize| if i < 3 { closed[i] } else { others(i - 3).map(|j| closed[j]).iter().sum::<f64>() / 2.0 };
-    let (mass, drag) =
-        (solid.added_mass(outline.density, shape.ends), solid.quadratic_damping(outline.density, shape.ends));
+    let mass = solid.added_mass(outline.density, shape.ends);
+    let drag = solid.quadratic_damping(outline.density, shape.ends);
     let quadratic = Vector6::from_fn(|i, _| drag[i] * on_drag(i));
-    Hydrodynamics {
-        added_mass: Vector6::from_fn(|i, _| mass[i] * on_mass(i)),
-        quadratic,
-        linear: Vector6::from_fn(|i, _| quadratic[i] * outline.speed[i / 3]),
-    }
+    let linear = Vector6::from_fn(|i, _| quadratic[i] * outline.speed[i / 3]);
+    [Vector6::from_fn(|i, _| mass[i] * on_mass(i)), linear, quadratic]
 }
 
 impl Outline {
@@ -97,22 +87,19 @@ impl Outline {
     /// Sets added mass and damping.
     fn water(&self, body: &mut Body, solids: &[Solid]) {
         if let ([shape], [solid]) = (&self.shapes[..], solids) {
-            let Hydrodynamics { added_mass, quadratic, linear } = hydrodynamics(shape, solid, self);
+            let diagonals = hydrodynamics(shape, solid, self);
+            let [added_mass, linear, quadratic] = diagonals.map(|d| Matrix6::from_diagonal(&d.map(digits)));
             body.hydrodynamic_frame = shape.frame();
-            body.added_mass = Matrix6::from_diagonal(&added_mass.map(digits));
-            body.damping = Damping {
-                linear: Matrix6::from_diagonal(&linear.map(digits)),
-                quadratic: Matrix6::from_diagonal(&quadratic.map(digits)),
-            };
+            (body.added_mass, body.damping) = (added_mass, Damping { linear, quadratic });
             return;
         }
         let (mut added_mass, mut linear, mut quadratic) = (Matrix6::zeros(), Matrix6::zeros(), Matrix6::zeros());
         for (shape, solid) in self.shapes.iter().zip(solids) {
-            let part = hydrodynamics(shape, solid, self);
             let x = shape.frame().adjoint_inverse();
-            added_mass += x.transpose() * Matrix6::from_diagonal(&part.added_mass) * x;
-            linear += x.transpose() * Matrix6::from_diagonal(&part.linear) * x;
-            quadratic += x.transpose() * Matrix6::from_diagonal(&part.quadratic) * x.component_mul(&x.abs());
+            let part = hydrodynamics(shape, solid, self).map(|d| x.transpose() * Matrix6::from_diagonal(&d));
+            added_mass += part[0] * x;
+            linear += part[1] * x;
+            quadratic += part[2] * x.component_mul(&x.abs());
         }
         body.added_mass = rounded((added_mass + added_mass.transpose()) / 2.0);
         body.damping = Damping { linear: rounded((linear + linear.transpose()) / 2.0), quadratic: rounded(quadratic) };
@@ -123,16 +110,16 @@ impl Outline {
 pub(super) fn added_mass_formula(solid: &Solid, ends: Ends) -> &'static str {
     match (solid, ends) {
         (Solid::Ellipsoid(_), _) => "ellipsoid, potential flow (Lamb 1932 art. 114-115)",
-        (Solid::Capsule { .. }, Ends::Free) => {
+        (Solid::Capsule(_), Ends::Free) => {
             "spheroid of the capsule's length and volume, potential flow (Lamb 1932 art. 114-115)"
         }
-        (Solid::Capsule { .. }, Ends::Joined) => {
+        (Solid::Capsule(_), Ends::Joined) => {
             "strips of the capsule: across rho V, along 0.1 rho V, turning rho V l^2/12 (Fossen 2021)"
         }
-        (Solid::Cylinder { .. }, Ends::Joined) => {
+        (Solid::Cylinder(_), Ends::Joined) => {
             "strips of the cylinder: across rho V, along 0.1 rho V, turning rho V l^2/12 (Fossen 2021)"
         }
-        (Solid::Cylinder { .. }, Ends::Free) => {
+        (Solid::Cylinder(_), Ends::Free) => {
             "finite cylinder: across C_A(l/d) rho V, along as a square prism of equal ends (DNV-RP-H103 table A-2), turning C_A rho V l^2/12 + 16/45 rho r^5"
         }
         (Solid::Box(_), Ends::Free) => {
@@ -148,13 +135,13 @@ pub(super) fn added_mass_formula(solid: &Solid, ends: Ends) -> &'static str {
 pub(super) fn drag_formula(solid: &Solid, ends: Ends) -> &'static str {
     match (solid, ends) {
         (Solid::Ellipsoid(_), _) => "ellipsoid: 1/2 rho C_D(l/w) frontal area (White table 7.3)",
-        (Solid::Capsule { .. }, _) => {
+        (Solid::Capsule(_), _) => {
             "capsule: across 1/2 rho 1.1 kappa d l and a sphere's ends, along as an ellipsoid (White table 7.3)"
         }
-        (Solid::Cylinder { .. }, Ends::Free) => {
+        (Solid::Cylinder(_), Ends::Free) => {
             "cylinder: across 1/2 rho 1.1 kappa(l/d) d l (DNV-RP-C205 table 6-2), turning times l^3/32 instead of l, along 1/2 rho 0.8 pi r^2 (Hoerner)"
         }
-        (Solid::Cylinder { .. }, Ends::Joined) => {
+        (Solid::Cylinder(_), Ends::Joined) => {
             "strips of the cylinder: across 1/2 rho 1.1 d l, turning 1/2 rho 1.1 d l^4/32, along 1/2 rho 0.8 pi r^2 (Hoerner)"
         }
         (Solid::Box(_), Ends::Free) => {

@@ -12,5 +12,5 @@ pub mod tables;
 mod text;
 
 pub use body::Estimate;
-pub use outline::{Axis, Outline, Round, Shape};
-pub use solid::Ends;
+pub use outline::{Outline, Shape};
+pub use solid::{Axis, Ends, Round};

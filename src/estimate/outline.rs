@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::solid::{Ends, Solid};
+use super::solid::{Ends, Round, Solid};
 use crate::description::{Frame, parse_toml, read_file, read_value};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::numbers;
@@ -22,6 +22,10 @@ pub struct Outline {
     pub speed: [f64; 2],
     /// Shapes, without overlap; their volumes and coefficients are summed.
     pub shapes: Vec<Shape>,
+}
+
+fn range(key: &str, value: f64, rule: &'static str) -> Option<(String, Problem)> {
+    Some((key.to_owned(), Problem::Range { value, rule }))
 }
 
 fn fresh_water() -> f64 {
@@ -70,46 +74,13 @@ pub struct Shape {
     pub relative_density: Option<f64>,
 }
 
-/// Dimensions of a round shape.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Round {
-    /// Radius, m.
-    pub radius: f64,
-    /// Length, m; of a capsule without its hemispheres.
-    pub length: f64,
-    /// Axis: "x", "y" or "z".
-    #[serde(default)]
-    pub axis: Axis,
-}
-
-/// A coordinate axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Axis {
-    /// Forward.
-    #[default]
-    X,
-    /// Left.
-    Y,
-    /// Up.
-    Z,
-}
-
 impl Shape {
     /// The solid; None unless exactly one is given.
     pub(super) fn solid(&self) -> Option<Solid> {
-        let round = |round: &Round| (round.radius, round.length, round.axis as usize);
-        match (self.cuboid, &self.cylinder, &self.capsule, self.ellipsoid) {
+        match (self.cuboid, self.cylinder, self.capsule, self.ellipsoid) {
             (Some(size), None, None, None) => Some(Solid::Box(size)),
-            (None, Some(cylinder), None, None) => {
-                let (radius, length, axis) = round(cylinder);
-                Some(Solid::Cylinder { radius, length, axis })
-            }
-            (None, None, Some(capsule), None) => {
-                let (radius, length, axis) = round(capsule);
-                Some(Solid::Capsule { radius, length, axis })
-            }
+            (None, Some(cylinder), None, None) => Some(Solid::Cylinder(cylinder)),
+            (None, None, Some(capsule), None) => Some(Solid::Capsule(capsule)),
             (None, None, None, Some(semi_axes)) => Some(Solid::Ellipsoid(semi_axes)),
             _ => None,
         }
@@ -123,13 +94,11 @@ impl Shape {
         self.solidity.unwrap_or(self.perforation.map(|open| 1.0 - open))
     }
 
-    /// Displaced volume, m3.
     pub(super) fn displaced_volume(&self, solid: &Solid) -> f64 {
         solid.volume() * self.displaced.unwrap_or(1.0)
     }
 
     fn faults(&self) -> Option<(String, Problem)> {
-        let range = |key: &str, value: f64, rule: &'static str| Some((key.to_owned(), Problem::Range { value, rule }));
         let lengths = [("box", self.cuboid), ("ellipsoid", self.ellipsoid)].into_iter();
         let lengths = lengths.flat_map(|(key, v)| v.into_iter().flat_map(move |v| v.data.0[0]).map(move |x| (key, x)));
         let round = [("cylinder", &self.cylinder), ("capsule", &self.capsule)].into_iter();
@@ -193,7 +162,6 @@ impl Outline {
     }
 
     fn faults(&self) -> Option<(String, Problem)> {
-        let range = |key: &str, value: f64, rule: &'static str| Some((key.to_owned(), Problem::Range { value, rule }));
         if self.density <= 0.0 {
             return range("density", self.density, "> 0");
         }

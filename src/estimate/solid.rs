@@ -18,36 +18,48 @@ pub enum Ends {
     Joined,
 }
 
+/// Dimensions of a round solid.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Round {
+    /// Radius, m.
+    pub radius: f64,
+    /// Length, m; of a capsule without its hemispheres.
+    pub length: f64,
+    /// Axis: "x", "y" or "z".
+    #[serde(default)]
+    pub axis: Axis,
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Forward.
+    #[default]
+    X,
+    /// Left.
+    Y,
+    /// Up.
+    Z,
+}
+
 /// Convex body whose volume, inertia and added mass are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Solid {
     /// Edges along x, y, z, m.
     Box(Vector3<f64>),
-    /// Cylinder about an axis.
-    Cylinder {
-        /// Radius, m.
-        radius: f64,
-        /// Length, m.
-        length: f64,
-        /// Index of the axis.
-        axis: usize,
-    },
+    /// Cylinder with flat ends.
+    Cylinder(Round),
     /// Capsule: a cylinder between hemispheres.
-    Capsule {
-        /// Radius, m.
-        radius: f64,
-        /// Length of the cylinder, m.
-        length: f64,
-        /// Index of the axis.
-        axis: usize,
-    },
+    Capsule(Round),
     /// Semi-axes along x, y, z, m.
     Ellipsoid(Vector3<f64>),
 }
 
-/// Permutes the diagonal of a body along x to another axis.
-fn along(axis: usize, along: f64, across: f64) -> Vector3<f64> {
-    Vector3::from_fn(|i, _| if i == axis { along } else { across })
+/// Diagonal of a body of revolution about an axis.
+fn along(axis: Axis, along: f64, across: f64) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| if i == axis as usize { along } else { across })
 }
 
 /// Indices of the two other axes.
@@ -69,8 +81,8 @@ impl Solid {
     pub fn volume(&self) -> f64 {
         match *self {
             Self::Box(size) => size.product(),
-            Self::Cylinder { radius, length, .. } => PI * radius * radius * length,
-            Self::Capsule { radius, length, .. } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
+            Self::Cylinder(Round { radius, length, .. }) => PI * radius * radius * length,
+            Self::Capsule(Round { radius, length, .. }) => PI * radius * radius * (length + 4.0 / 3.0 * radius),
             Self::Ellipsoid(semi_axes) => 4.0 / 3.0 * PI * semi_axes.product(),
         }
     }
@@ -79,8 +91,8 @@ impl Solid {
     pub fn extent(&self) -> Vector3<f64> {
         match *self {
             Self::Box(size) => size,
-            Self::Cylinder { radius, length, axis } => along(axis, length, 2.0 * radius),
-            Self::Capsule { radius, length, axis } => along(axis, length + 2.0 * radius, 2.0 * radius),
+            Self::Cylinder(Round { radius, length, axis }) => along(axis, length, 2.0 * radius),
+            Self::Capsule(Round { radius, length, axis }) => along(axis, length + 2.0 * radius, 2.0 * radius),
             Self::Ellipsoid(semi_axes) => 2.0 * semi_axes,
         }
     }
@@ -88,7 +100,7 @@ impl Solid {
     /// Index of the longest axis of a box, or of the axis of a round solid.
     fn axis(&self) -> usize {
         match *self {
-            Self::Cylinder { axis, .. } | Self::Capsule { axis, .. } => axis,
+            Self::Cylinder(round) | Self::Capsule(round) => round.axis as usize,
             Self::Box(size) | Self::Ellipsoid(size) => size.imax(),
         }
     }
@@ -99,10 +111,10 @@ impl Solid {
         match *self {
             Self::Box(size) => from_squares(size.component_mul(&size) / 12.0),
             Self::Ellipsoid(semi_axes) => from_squares(semi_axes.component_mul(&semi_axes) / 5.0),
-            Self::Cylinder { radius, length, axis } => {
+            Self::Cylinder(Round { radius, length, axis }) => {
                 from_squares(along(axis, length * length / 12.0, radius * radius / 4.0))
             }
-            Self::Capsule { radius: r, length: l, axis } => {
+            Self::Capsule(Round { radius: r, length: l, axis }) => {
                 let ends = 4.0 / 3.0 * r / (l + 4.0 / 3.0 * r);
                 let across = r * r * ((1.0 - ends) / 4.0 + ends / 5.0);
                 // Hemispheres, with centres of mass 3/8 r beyond the cylinder's ends.
@@ -117,16 +129,16 @@ impl Solid {
         let displaced = density * self.volume();
         match (*self, ends) {
             (Self::Ellipsoid(semi_axes), _) => lamb::ellipsoid(semi_axes, density),
-            (Self::Capsule { radius, length, axis }, Ends::Free) => {
+            (Self::Capsule(Round { radius, length, axis }), Ends::Free) => {
                 let half = length / 2.0 + radius;
                 let across = (self.volume() / (4.0 / 3.0 * PI * half)).sqrt();
                 lamb::ellipsoid(along(axis, half, across), density)
             }
-            (Self::Cylinder { length, axis, .. } | Self::Capsule { length, axis, .. }, Ends::Joined) => {
+            (Self::Cylinder(Round { length, axis, .. }) | Self::Capsule(Round { length, axis, .. }), Ends::Joined) => {
                 let turning = displaced * length * length / 12.0;
                 join(along(axis, 0.1 * displaced, displaced), along(axis, 0.0, turning))
             }
-            (Self::Cylinder { radius, length, axis }, Ends::Free) => {
+            (Self::Cylinder(Round { radius, length, axis }), Ends::Free) => {
                 let across = tables::finite_cylinder(length / (2.0 * radius)) * displaced;
                 // Axial: a square prism with ends of the same area. Rotation: strips, and 16/45 rho r^5 of the disc.
                 let side = PI.sqrt() * radius;
@@ -160,13 +172,14 @@ impl Solid {
                 });
                 join(linear, angular)
             }
-            Self::Cylinder { radius, length, axis } | Self::Capsule { radius, length, axis } => {
+            Self::Cylinder(Round { radius, length, axis }) | Self::Capsule(Round { radius, length, axis }) => {
                 let end = PI * radius * radius;
-                let (side, nose) = (2.0 * radius * length, matches!(self, Self::Capsule { .. }));
+                let (side, nose) = (2.0 * radius * length, matches!(self, Self::Capsule(_)));
                 // In cross flow, the ends of a capsule are hemispheres.
-                let across = pressure * (cd[(axis + 1) % 3] * side + if nose { tables::SPHERE * end } else { 0.0 });
-                let turning = pressure * cd[(axis + 1) % 3] * radius * half[axis].powi(4);
-                join(along(axis, pressure * cd[axis] * end, across), along(axis, 0.0, turning))
+                let [other, _] = others(axis as usize);
+                let across = pressure * (cd[other] * side + if nose { tables::SPHERE * end } else { 0.0 });
+                let turning = pressure * cd[other] * radius * half[axis as usize].powi(4);
+                join(along(axis, pressure * cd[axis as usize] * end, across), along(axis, 0.0, turning))
             }
             Self::Ellipsoid(s) => {
                 let linear = Vector3::from_fn(|i, _| pressure * cd[i] * PI * s.product() / s[i]);
@@ -191,8 +204,8 @@ impl Solid {
                 Self::Box(_) if ends == Ends::Free => tables::face(wide / short),
                 Self::Box(_) if i == long => tables::CUBE,
                 Self::Box(_) => tables::SQUARE,
-                Self::Cylinder { .. } if i == long => tables::BLUNT,
-                Self::Cylinder { .. } | Self::Capsule { .. } if i != long => match ends {
+                Self::Cylinder(_) if i == long => tables::BLUNT,
+                Self::Cylinder(_) | Self::Capsule(_) if i != long => match ends {
                     Ends::Free => tables::CYLINDER * tables::slender_cylinder(extent[long] / short),
                     Ends::Joined => tables::CYLINDER,
                 },

@@ -24,8 +24,8 @@ impl Outline {
         let sum = if several { "sum over shapes: " } else { "" };
         let volume = distinct(shapes().map(|(_, solid)| match solid {
             Solid::Box(_) => "x y z",
-            Solid::Cylinder { .. } => "pi r^2 l",
-            Solid::Capsule { .. } => "pi r^2 (l + 4/3 r)",
+            Solid::Cylinder(_) => "pi r^2 l",
+            Solid::Capsule(_) => "pi r^2 (l + 4/3 r)",
             Solid::Ellipsoid(_) => "4/3 pi a b c",
         }));
         let mass = distinct(shapes().map(|(shape, _)| match (shape.mass, shape.relative_density) {

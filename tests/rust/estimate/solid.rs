@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use uvms_gym::estimate::Ends;
 use uvms_gym::estimate::solid::Solid;
+use uvms_gym::estimate::{Axis, Ends, Round};
 
 const RHO: f64 = 1000.0;
 
@@ -34,7 +34,7 @@ fn val_flat_boxes_are_plates_and_long_ones_are_strips() {
 #[test]
 fn a_short_capsule_is_a_sphere() {
     let (capsule, sphere) =
-        (Solid::Capsule { radius: 0.2, length: 1e-9, axis: 1 }, Solid::Ellipsoid(Vector3::repeat(0.2)));
+        (Solid::Capsule(Round { radius: 0.2, length: 1e-9, axis: Axis::Y }), Solid::Ellipsoid(Vector3::repeat(0.2)));
     close(&[capsule.volume()], &[sphere.volume()], 1e-7);
     close(capsule.inertia(3.0).as_slice(), sphere.inertia(3.0).as_slice(), 1e-7);
     close(&capsule.added_mass(RHO, Ends::Free)[..3], &sphere.added_mass(RHO, Ends::Free)[..3], 1e-7);
@@ -43,7 +43,7 @@ fn a_short_capsule_is_a_sphere() {
 
 #[test]
 fn val_a_thin_disc_carries_what_lamb_says() {
-    let disc = Solid::Cylinder { radius: 0.5, length: 1e-6, axis: 2 }.added_mass(RHO, Ends::Free);
+    let disc = Solid::Cylinder(Round { radius: 0.5, length: 1e-6, axis: Axis::Z }).added_mass(RHO, Ends::Free);
     close(&disc[2..4], &[8.0 / 3.0 * RHO * 0.125, 16.0 / 45.0 * RHO * 0.5f64.powi(5)], 1e-5);
     assert!(disc[0] < 1e-3);
 }
@@ -55,8 +55,8 @@ fn estimates_scale_as_their_dimensions() {
         [
             Solid::Box(Vector3::new(0.5, 0.3, 0.2) * s),
             Solid::Ellipsoid(Vector3::new(0.5, 0.3, 0.2) * s),
-            Solid::Cylinder { radius: 0.1 * s, length: 0.7 * s, axis: 0 },
-            Solid::Capsule { radius: 0.1 * s, length: 0.7 * s, axis: 2 },
+            Solid::Cylinder(Round { radius: 0.1 * s, length: 0.7 * s, axis: Axis::X }),
+            Solid::Capsule(Round { radius: 0.1 * s, length: 0.7 * s, axis: Axis::Z }),
         ]
     };
     for (one, two) in solids(1.0).iter().zip(solids(2.0)) {
