@@ -40,6 +40,30 @@ impl<P: Copy> CoefficientMatrix<P> {
             }
         }
     }
+
+    /// Adds the diagonal of the matrix of quadratic damping at a twist: see [`Damping::damping_matrix`].
+    #[inline(always)]
+    pub(super) fn add_quadratic_diagonal<L: Lane>(&self, v: &[L; 6], diagonal: &mut [L; 6])
+    where
+        P: Param<L>,
+    {
+        match self {
+            CoefficientMatrix::None => {}
+            CoefficientMatrix::Diagonal(d) => {
+                unroll!(i in 0 1 2 3 4 5 => {
+                    diagonal[i] = d[i].get().mul_add(v[i].abs(), diagonal[i]);
+                });
+            }
+            CoefficientMatrix::Full(rows) => {
+                unroll!(i in 0 1 2 3 4 5 => {
+                    unroll!(k in 0 1 2 3 4 5 => {
+                        let (row, column) = ((rows[i][k].get() * v[k]).abs(), (rows[k][i].get() * v[i]).abs());
+                        diagonal[i] = (row + column).mul_add(L::c(0.5), diagonal[i]);
+                    });
+                });
+            }
+        }
+    }
 }
 
 numbers! {
@@ -52,6 +76,38 @@ numbers! {
         Shifted(point: [P; 3]),
         /// General pose: rotation by rows, position, m.
         General(rows: [[P; 3]; 3], point: [P; 3]),
+    }
+}
+
+impl<P: Copy> CoefficientFrame<P> {
+    /// Twist in this frame of a twist in the body frame.
+    #[inline(always)]
+    pub(super) fn twist_from_body<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        match self {
+            CoefficientFrame::Body => twist,
+            CoefficientFrame::Shifted(p) => {
+                Vector6 { linear: twist.angular.cross_add(Vector3(get_all(p)), twist.linear), ..twist }
+            }
+            CoefficientFrame::General(r, p) => Pose::of(r, p).adjoint_apply_inverse(twist),
+        }
+    }
+
+    /// Wrench in the body frame of a wrench in this frame.
+    #[inline(always)]
+    pub(super) fn wrench_to_body<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        match self {
+            CoefficientFrame::Body => wrench,
+            CoefficientFrame::Shifted(p) => {
+                Vector6 { angular: Vector3(get_all(p)).cross_add(wrench.linear, wrench.angular), ..wrench }
+            }
+            CoefficientFrame::General(r, p) => Pose::of(r, p).co_adjoint_apply_inverse(wrench),
+        }
     }
 }
 
@@ -79,19 +135,7 @@ impl<P: Copy> Damping<P> {
     where
         P: Param<L>,
     {
-        match &self.frame {
-            CoefficientFrame::Body => self.in_frame(twist),
-            CoefficientFrame::Shifted(p) => {
-                let r = Vector3(get_all(p));
-                let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
-                let wrench = self.in_frame(there);
-                Vector6 { angular: r.cross_add(wrench.linear, wrench.angular), ..wrench }
-            }
-            CoefficientFrame::General(r, p) => {
-                let pose = Pose::of(r, p);
-                pose.co_adjoint_apply_inverse(self.in_frame(pose.adjoint_apply_inverse(twist)))
-            }
-        }
+        self.frame.wrench_to_body(self.in_frame(self.frame.twist_from_body(twist)))
     }
 
     #[inline(always)]

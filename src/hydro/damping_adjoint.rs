@@ -3,9 +3,9 @@
 //! With the dual twist lambda, `lambda . (D_L V + D_Q V |V|)` and, for linearly implicit methods, `lambda . h D A` with the matrix D
 //! of [`Damping::damping_matrix`], which depends on V, and the acceleration A.
 
-use super::damping::{CoefficientFrame, CoefficientMatrix, Damping};
+use super::damping::{CoefficientMatrix, Damping};
 use crate::lane::{Lane, unroll};
-use crate::lie::{Pose, Vector3, Vector6};
+use crate::lie::Vector6;
 use crate::spatial::SpatialInertia;
 
 /// Twists of a body, or their counterparts in the frame of the coefficients.
@@ -28,30 +28,6 @@ pub struct DampedSums<L> {
     pub of_twist: Vector6<L>,
     /// Derivative by the change `h A`.
     pub of_change: Vector6<L>,
-}
-
-impl<L: Lane> CoefficientFrame<L> {
-    #[inline(always)]
-    fn twist_from_body(&self, twist: Vector6<L>) -> Vector6<L> {
-        match self {
-            CoefficientFrame::Body => twist,
-            CoefficientFrame::Shifted(p) => {
-                Vector6 { linear: twist.angular.cross_add(Vector3(*p), twist.linear), ..twist }
-            }
-            CoefficientFrame::General(r, p) => Pose::of(r, p).adjoint_apply_inverse(twist),
-        }
-    }
-
-    #[inline(always)]
-    fn wrench_to_body(&self, wrench: Vector6<L>) -> Vector6<L> {
-        match self {
-            CoefficientFrame::Body => wrench,
-            CoefficientFrame::Shifted(p) => {
-                Vector6 { angular: Vector3(*p).cross_add(wrench.linear, wrench.angular), ..wrench }
-            }
-            CoefficientFrame::General(r, p) => Pose::of(r, p).co_adjoint_apply_inverse(wrench),
-        }
-    }
 }
 
 impl<L: Lane> CoefficientMatrix<L> {
@@ -90,30 +66,15 @@ impl<L: Lane> CoefficientMatrix<L> {
         }
     }
 
-    /// Diagonal of the matrix of quadratic damping at a twist: see [`Damping::damping_matrix`].
+    /// Diagonal of the matrix of quadratic damping at a twist.
     #[inline(always)]
     fn quadratic_diagonal(&self, v: &[L; 6]) -> [L; 6] {
         let mut diagonal = [L::zero(); 6];
-        match self {
-            CoefficientMatrix::None => {}
-            CoefficientMatrix::Diagonal(d) => {
-                unroll!(i in 0 1 2 3 4 5 => {
-                    diagonal[i] = d[i] * v[i].abs();
-                });
-            }
-            CoefficientMatrix::Full(rows) => {
-                for i in 0..6 {
-                    for k in 0..6 {
-                        let sum = (rows[i][k] * v[k]).abs() + (rows[k][i] * v[i]).abs();
-                        diagonal[i] = sum.mul_add(L::c(0.5), diagonal[i]);
-                    }
-                }
-            }
-        }
+        self.add_quadratic_diagonal(v, &mut diagonal);
         diagonal
     }
 
-    /// Derivatives by the twist from those by this diagonal.
+    /// Derivatives by the twist from the derivatives by this diagonal.
     #[inline(always)]
     fn quadratic_diagonal_adjoint(&self, v: &[L; 6], of: &[L; 6], sum: &mut [L; 6]) {
         match self {
@@ -211,7 +172,7 @@ impl<L: Lane> Damping<L> {
     }
 
     /// Products of the dual twist with the forces of unscaled coefficients: derivatives by the factors on linear and quadratic
-    /// damping. The frame is that of this damping.
+    /// damping. Both have the same frame.
     #[inline(always)]
     pub fn products<const IMPLICIT: bool>(&self, unscaled: &Self, at: &DampedMotion<L>) -> [L; 2] {
         let there = self.in_frame_motion(at);

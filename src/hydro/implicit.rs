@@ -18,17 +18,11 @@ impl<P: Copy> Damping<P> {
     where
         P: Param<L>,
     {
+        let matrix = self.damping_matrix_in_frame(self.frame.twist_from_body(twist));
         match &self.frame {
-            CoefficientFrame::Body => self.damping_matrix_in_frame(twist),
-            CoefficientFrame::Shifted(p) => {
-                let r = Vector3(get_all(p));
-                let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
-                self.damping_matrix_in_frame(there).shifted(r)
-            }
-            CoefficientFrame::General(r, p) => {
-                let pose = Pose::of(r, p);
-                self.damping_matrix_in_frame(pose.adjoint_apply_inverse(twist)).to_parent(&pose)
-            }
+            CoefficientFrame::Body => matrix,
+            CoefficientFrame::Shifted(p) => matrix.shifted(Vector3(get_all(p))),
+            CoefficientFrame::General(r, p) => matrix.to_parent(&Pose::of(r, p)),
         }
     }
 
@@ -44,24 +38,7 @@ impl<P: Copy> Damping<P> {
             (CoefficientMatrix::Full(_), Some(bound)) => sum = bound.get(),
             _ => {}
         }
-        let speed = twist.to_array();
-        match &self.quadratic {
-            CoefficientMatrix::None => {}
-            CoefficientMatrix::Diagonal(d) => {
-                unroll!(i in 0 1 2 3 4 5 => {
-                    diagonal[i] = d[i].get().mul_add(speed[i].abs(), diagonal[i]);
-                });
-            }
-            CoefficientMatrix::Full(rows) => {
-                unroll!(i in 0 1 2 3 4 5 => {
-                    unroll!(k in 0 1 2 3 4 5 => {
-                        let row = (rows[i][k].get() * speed[k]).abs();
-                        let column = (rows[k][i].get() * speed[i]).abs();
-                        diagonal[i] = (row + column).mul_add(L::c(0.5), diagonal[i]);
-                    });
-                });
-            }
-        }
+        self.quadratic.add_quadratic_diagonal(&twist.to_array(), &mut diagonal);
         unroll!(i in 0 1 2 3 4 5 => {
             sum.add_diagonal(i, diagonal[i]);
         });

@@ -10,7 +10,7 @@
 //! with the velocity v_r of the thruster through the water and its axis e. Kim and Chung write `T = rho D^4 K_T n |n|` with K_T a
 //! parabola in the advance ratio `J = s / (n D)`. The linear term is kept, with n from the thrust in still water
 //! (`|T| = rho D^4 K_T(0) n^2`), and the thrust is bounded by 0. For flow against the thrust (their anti- and
-//! vague-directional states) it is that of still water.
+//! vague-directional states) it is the thrust in still water.
 
 use crate::lane::{Lane, Param, get_all, horner, numbers, unroll};
 use crate::lie::Vector6;

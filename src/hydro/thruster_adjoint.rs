@@ -39,7 +39,7 @@ impl<L: Lane> ThrustCotangents<L> {
         Self([[L::zero(); 3]; THRUSTERS])
     }
 
-    /// Adds that of the thrust at a share of the step.
+    /// Adds the cotangent of the thrust at a share of the step.
     #[inline(always)]
     pub(super) fn add(&mut self, thruster: usize, share: L, of: L) {
         let [start, linear, quadratic] = &mut self.0[thruster];
@@ -48,7 +48,7 @@ impl<L: Lane> ThrustCotangents<L> {
         *quadratic = (of * share).mul_add(share, *quadratic);
     }
 
-    /// Cotangents of a thrust at the start, on average and at the end: those of the values of its parabola.
+    /// Cotangents of a thrust at the start, on average and at the end: the values that give its parabola.
     #[inline(always)]
     fn of_values(&self, thruster: usize) -> [L; 3] {
         let [start, linear, quadratic] = self.0[thruster];
@@ -62,7 +62,7 @@ impl<L: Lane> ThrustCotangents<L> {
 }
 
 impl<L: Lane> ThrustProfiles<L> {
-    /// Cotangent of the twist from that of [`Self::wrench`]; adds those of the parabolas.
+    /// Cotangent of the twist from the cotangent of [`Self::wrench`]; adds the cotangents of the parabolas.
     #[inline(always)]
     pub fn wrench_adjoint(
         &self,
@@ -98,8 +98,8 @@ impl<L: Lane> ThrusterCotangents<L> {
 }
 
 impl<L: Lane> ThrusterDynamics<L> {
-    /// From the cotangents of wrench and thrusts over a step from these thrusts on: those of the thrusts after the step become those
-    /// before it.
+    /// Reverse of a step from these thrusts on, by the cotangents of wrench and thrusts over it: replaces the cotangents of the
+    /// thrusts after the step by the cotangents of the thrusts before it.
     #[inline(always)]
     pub fn step_adjoint(
         &self,
@@ -137,7 +137,7 @@ impl<L: Lane> ThrusterDynamics<L> {
         }
     }
 
-    /// Cotangents of commands, gains and lag from those of the steps: see [`ThrusterDynamics::command`].
+    /// Cotangents of commands, gains and lag from the cotangents of the steps: see [`ThrusterDynamics::command`].
     #[inline(always)]
     pub fn command_adjoint(
         &self,
