@@ -67,7 +67,6 @@ impl ActionMap {
         self.vehicle_len() + self.torques.len()
     }
 
-    /// Entries of the vehicle.
     #[inline]
     fn vehicle_len(&self) -> usize {
         match self.kind {
@@ -114,15 +113,10 @@ impl ActionMap {
         }
     }
 
-    /// Action of `wrench` and zero torques, clipped to [-1, 1]; 0 along unactuated axes.
+    /// Action of a wrench and torques of the first joints, N m or N, clipped to [-1, 1]; 0 along unactuated axes and for further
+    /// joints.
     #[inline(always)]
-    pub fn normalise(&self, wrench: &Vector6<f64>, action: &mut [f32]) {
-        self.normalise_all(wrench, &[], action);
-    }
-
-    /// As [`Self::normalise`], with torques of the first joints, N m or N.
-    #[inline(always)]
-    pub fn normalise_all(&self, wrench: &Vector6<f64>, torques: &[f64], action: &mut [f32]) {
+    pub fn normalise(&self, wrench: &Vector6<f64>, torques: &[f64], action: &mut [f32]) {
         let (action, joints) = action.split_at_mut(self.vehicle_len());
         joints.fill(0.0);
         for k in 0..torques.len().min(joints.len()) {

@@ -15,7 +15,6 @@ pub const ACTIONS: usize = THRUSTERS + JOINTS;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Actuation<T> {
     kind: ActionKind,
-    /// Entries of an action.
     len: usize,
     thrusters: Vec<ThrusterTerms<T>>,
     /// True where a thruster has almost no thrust one way, so that rounding may exceed its limit there.
@@ -28,7 +27,6 @@ pub struct Actuation<T> {
     share: T,
 }
 
-/// One thruster.
 #[derive(Debug, Clone, PartialEq)]
 struct ThrusterTerms<T> {
     /// Unsaturated thrust per entry of a wrench action, N.
@@ -41,7 +39,6 @@ struct ThrusterTerms<T> {
     relative: T,
     /// Magnitude from which a thrust counts as saturated, in either direction, N.
     full: [T; 2],
-    /// Wrench per thrust: column of T_tcm.
     wrench: [T; 6],
 }
 
@@ -164,6 +161,16 @@ impl<T: Real> Actuation<T> {
             }
         }
         actuated.wrench = Vector6::from_array(wrench);
+    }
+
+    /// Thrusts and torques of a row of actions.
+    #[inline(always)]
+    pub fn act_on_row(&self, action: &[f32]) -> Actuated<T> {
+        let mut entries = [T::default(); ACTIONS];
+        for k in 0..action.len() {
+            entries[k] = T::from_f64(f64::from(action[k]));
+        }
+        self.act(&entries)
     }
 
     /// Thrusts and torques of an action with entries in [-1, 1]: as [`super::Allocation::allocate`], to rounding.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kalman::WaveTransition;
-use super::observer::{Estimate, Observer, ObserverGains};
+use super::observer::{Observer, ObserverEstimate, ObserverGains};
 use super::pd::feedback;
 use crate::description::VehicleServo;
 use crate::dynamics::CompositeBody;
@@ -48,22 +48,21 @@ impl Dob {
         Self { kp: gains.kp, kd: gains.kd, wave: WaveTransition::over(gains.observer.wave_frequency, time) }
     }
 
-    /// `-kp e - kd V`.
     #[inline(always)]
-    fn feedback<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+    fn feedback<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>) -> Vector6<L> {
         feedback(&self.kp, &self.kd, &at.motion.error, &at.motion.twist)
     }
 
     /// Disturbance when the command acts.
     #[inline(always)]
-    fn disturbance<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+    fn disturbance<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>) -> Vector6<L> {
         let [wave, _] = self.wave.after(at.disturbance.wave);
         at.disturbance.slow + wave
     }
 
     /// Wrench for an estimate and the composite body at it.
     #[inline(always)]
-    pub fn wrench<L: Lane<Real = f64>>(&self, at: &Estimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
+    pub fn wrench<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
         self.feedback(at) - body.force - self.disturbance(at)
     }
 
@@ -73,7 +72,7 @@ impl Dob {
     #[inline(always)]
     pub fn computed_torque<L: Lane<Real = f64>>(
         &self,
-        at: &Estimate<L>,
+        at: &ObserverEstimate<L>,
         [now, next]: &[CompositeBody<L>; 2],
         period: f64,
     ) -> Vector6<L> {

@@ -29,7 +29,6 @@ impl BlockIndices {
         self.scale.iter().zip(&observation[self.offset..]).map(|(scale, x)| f64::from(*x) * scale)
     }
 
-    /// Physical values of six entries.
     #[inline(always)]
     pub(super) fn six(&self, observation: &[f32]) -> [f64; 6] {
         let mut six = [0.0; 6];

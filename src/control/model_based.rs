@@ -2,15 +2,15 @@
 
 use nalgebra::DVector;
 
+use super::bank::Bank;
 use super::controller::{Controller, Plant, Widths};
 use super::dob::{Dob, FeedbackGains};
 use super::indices::ModelIndices;
-use super::likelihood::Likelihood;
-use super::mpc::{self, Mpc, MpcGains};
-use super::multiple_model::{AdaptiveGains, ObserverBank};
+use super::mpc::{self, Mpc, MpcGains, PARAMETERS};
 use super::nmpc::NmpcGains;
-use super::nmpc::vehicle::{Present, VehicleNmpc};
+use super::nmpc::vehicle::{PlanStart, VehicleNmpc};
 use super::observer::ObserverGains;
+use super::observer_bank::{AdaptiveGains, ObserverBank};
 use super::rows::{
     LaneLaw, WIDEST, Work, achieved_wrench, arm_of, lanes_of, load, read, reset_diverged, rows_of, store, write_actions,
 };
@@ -36,7 +36,6 @@ pub enum LawGains {
     Nmpc(NmpcGains),
 }
 
-/// Control law on an estimate.
 #[derive(Debug, Clone, PartialEq)]
 enum Law {
     /// One per model.
@@ -74,20 +73,23 @@ impl ModelBased {
     /// For checked gains.
     pub fn new(gains: LawGains, indices: ModelIndices, plant: Plant) -> Self {
         let Plant { scene, actions, period } = plant;
-        let (mut models, mut likelihood) = (Vec::new(), Likelihood::none());
-        let mut add =
-            |observer: ObserverGains| models.push((FeedbackGains { observer, ..FeedbackGains::default() }, 1.0));
-        match &gains {
-            LawGains::Mpc(gains) => add(gains.observer),
-            LawGains::Nmpc(gains) => add(gains.observer()),
-            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => models.push((gains.clone(), 1.0)),
-            LawGains::Adaptive(gains) => (models, likelihood) = (gains.models(period), gains.likelihood(period)),
-        }
-        let bank = ObserverBank::new(&models, likelihood, scene, period);
+        let observing = |observer: ObserverGains| FeedbackGains { observer, ..FeedbackGains::default() };
+        let models = match &gains {
+            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => vec![gains.clone()],
+            LawGains::Adaptive(gains) => gains.models(&gains.bank(period), period),
+            LawGains::Mpc(gains) => vec![observing(gains.observer)],
+            LawGains::Nmpc(gains) => vec![observing(gains.observer())],
+        };
+        let bank = if let LawGains::Adaptive(gains) = &gains {
+            gains.bank(period)
+        } else {
+            Bank::single(models[0].observer.delay)
+        };
+        let bank = ObserverBank::new(bank, &models, scene, period);
         let observer = bank.observer();
         let law = match gains {
             LawGains::Dob(_) | LawGains::Adaptive(_) => {
-                Law::Dob(models.iter().map(|(gains, _)| Dob::new(gains, observer)).collect())
+                Law::Dob(models.iter().map(|gains| Dob::new(gains, observer)).collect())
             }
             LawGains::ComputedTorque(gains) => Law::ComputedTorque(Dob::new(&gains, observer)),
             LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(&gains, scene, observer, &actions))),
@@ -127,8 +129,7 @@ impl LaneLaw for ModelBased {
     ) {
         let Self { law, indices, bank, actions: map, actuation } = self;
         let (nominal, period) = (bank.observer().model(), bank.observer().period());
-        let Widths { observation, memory: width, .. } = self.widths();
-        let lanes = observations.len() / observation;
+        let width = self.widths().memory;
         let Work { scratch, memory, wrenches } = work;
         memory.resize(bank.memory(), L::zero());
         wrenches.resize(bank.len(), Vector6::zero());
@@ -144,27 +145,20 @@ impl LaneLaw for ModelBased {
             wrenches[model] = match law {
                 Law::Dob(dobs) => dobs[model].wrench(&estimate, &bodies[0]),
                 Law::ComputedTorque(dob) => dob.computed_torque(&estimate, &bodies, period),
-                Law::Mpc(mpc) => {
+                Law::Mpc(_) | Law::Nmpc(_) => {
                     let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
                     let mut plans = [[0.0; 6]; WIDEST];
-                    for lane in 0..lanes {
-                        let parameters = DVector::from_column_slice(parameters[lane].as_flattened());
-                        plans[lane] = mpc.plan(&parameters).into();
-                    }
-                    lanes_of(&plans)
-                }
-                Law::Nmpc(nmpc) => {
-                    let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
-                    let slow = rows_of(&[estimate.disturbance.slow.to_array()]);
-                    let mut plans = [[0.0; 6]; WIDEST];
-                    for (lane, plan) in remembered.chunks_exact_mut(width).enumerate() {
-                        let [error, twist, thrust, _, steady, wave, rate] = parameters[lane];
-                        let present = Present {
-                            state: [error, twist, thrust],
-                            wrenches: [slow[lane][0], wave, rate, steady],
-                            arms: [arm_of(&estimate.arms[0], lane), arm_of(&estimate.arms[1], lane)],
-                        };
-                        plans[lane] = nmpc.plan(&present, &mut plan[bank.memory()..]);
+                    for (lane, row) in remembered.chunks_exact_mut(width).enumerate() {
+                        let all = &parameters[lane];
+                        if let Law::Mpc(mpc) = law {
+                            let parameters = DVector::from_column_slice(&all.as_flattened()[..PARAMETERS]);
+                            plans[lane] = mpc.plan(&parameters).into();
+                        } else if let Law::Nmpc(nmpc) = law {
+                            let [error, twist, thrust, _, steady, wave, rate, slow] = *all;
+                            let arms = [arm_of(&estimate.arms[0], lane), arm_of(&estimate.arms[1], lane)];
+                            let (state, wrenches) = ([error, twist, thrust], [slow, wave, rate, steady]);
+                            plans[lane] = nmpc.plan(&PlanStart { state, wrenches, arms }, &mut row[bank.memory()..]);
+                        }
                     }
                     lanes_of(&plans)
                 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::kalman::{DisturbanceModel, ObserverGain, STATES, WaveTransition};
 use super::nominal_model::{AppliedWrenches, ArmState, NominalModel, Prediction, VehicleMotion};
-use super::rows::Measurement;
+use super::rows::MeasuredMotion;
 use crate::description::Scene;
 use crate::dynamics::aba::Scratch;
 use crate::lane::Lane;
@@ -55,7 +55,7 @@ impl ObserverGains {
 
 /// Estimate of the present.
 #[derive(Debug, Clone, Copy)]
-pub struct Estimate<L> {
+pub struct ObserverEstimate<L> {
     /// Vehicle, after the prediction horizon.
     pub motion: VehicleMotion<L>,
     /// Arm, at the same time and a control period later.
@@ -65,7 +65,7 @@ pub struct Estimate<L> {
     /// Thrusters' present wrench.
     pub thrust: Vector6<L>,
     /// Disturbing wrench.
-    pub disturbance: Disturbance<L>,
+    pub disturbance: DisturbanceEstimate<L>,
     /// Measured twist minus the predicted one.
     pub innovation: Vector6<L>,
     /// Measured arm minus its reference for the instant of the measurement.
@@ -74,7 +74,7 @@ pub struct Estimate<L> {
 
 /// Wrench that the model does not explain, at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disturbance<L> {
+pub struct DisturbanceEstimate<L> {
     /// Slow part.
     pub slow: Vector6<L>,
     /// Wave part, and its rate.
@@ -91,10 +91,10 @@ impl WaveTransition {
 
     /// The disturbance after the time, and its mean over it.
     #[inline(always)]
-    fn carry<L: Lane<Real = f64>>(&self, now: &Disturbance<L>) -> (Disturbance<L>, Vector6<L>) {
+    fn carry<L: Lane<Real = f64>>(&self, now: &DisturbanceEstimate<L>) -> (DisturbanceEstimate<L>, Vector6<L>) {
         let wave = self.after(now.wave);
         let mean = (now.wave[0] + wave[0]).scale_add(L::c(0.5), now.slow);
-        (Disturbance { slow: now.slow, wave }, mean)
+        (DisturbanceEstimate { slow: now.slow, wave }, mean)
     }
 }
 
@@ -127,7 +127,7 @@ type ObserverState<L> = [Vector6<L>; 6];
 #[inline(always)]
 fn state_of<L: Lane>(
     VehicleMotion { error, twist }: VehicleMotion<L>,
-    Disturbance { slow, wave: [wave, rate] }: Disturbance<L>,
+    DisturbanceEstimate { slow, wave: [wave, rate] }: DisturbanceEstimate<L>,
     thrust: Vector6<L>,
 ) -> ObserverState<L> {
     [error, twist, slow, thrust, wave, rate]
@@ -214,10 +214,10 @@ impl Observer {
     #[inline(always)]
     pub fn observe<L: Lane<Real = f64>>(
         &self,
-        measured: &Measurement<L>,
+        measured: &MeasuredMotion<L>,
         memory: &mut [L],
         scratch: &mut Scratch<L>,
-    ) -> Estimate<L> {
+    ) -> ObserverEstimate<L> {
         let n = self.model.joints();
         let count = memory[COUNT];
         // At an episode's first instant the memory is empty.
@@ -246,7 +246,7 @@ impl Observer {
             let beyond = leg > self.delay;
             let age = self.delay.saturating_sub(leg);
             let [error, twist, slow, thrust, wave, rate] = state;
-            let disturbance = Disturbance { slow, wave: [wave, rate] };
+            let disturbance = DisturbanceEstimate { slow, wave: [wave, rate] };
             let (carried, mean) = if beyond {
                 (disturbance, rate.scale_add(L::c(0.5 * self.horizon), wave) + slow)
             } else {
@@ -286,19 +286,19 @@ impl Observer {
             if self.horizon > 0.0 { [next, ahead.minus(&arm).scale_add(L::c(1.0), &next)] } else { [next, ahead] };
         let arm_innovation = measured.arm.minus(&reference);
         let [error, twist, slow, thrust, wave, rate] = state;
-        let (motion, disturbance) = (VehicleMotion { error, twist }, Disturbance { slow, wave: [wave, rate] });
+        let (motion, disturbance) = (VehicleMotion { error, twist }, DisturbanceEstimate { slow, wave: [wave, rate] });
         let command = load(memory, self.commands());
-        Estimate { motion, arms, command, thrust, disturbance, innovation, arm_innovation }
+        ObserverEstimate { motion, arms, command, thrust, disturbance, innovation, arm_innovation }
     }
 
     /// Correction of a prediction by a measurement.
     #[inline(always)]
     fn correct<L: Lane<Real = f64>>(
         &self,
-        measured: &Measurement<L>,
+        measured: &MeasuredMotion<L>,
         predicted: &Prediction<L>,
-        carried: &Disturbance<L>,
-    ) -> (VehicleMotion<L>, Disturbance<L>) {
+        carried: &DisturbanceEstimate<L>,
+    ) -> (VehicleMotion<L>, DisturbanceEstimate<L>) {
         let Prediction { motion, inertia, .. } = predicted;
         let pose = (measured.motion.error - motion.error).to_array();
         let twist = (measured.motion.twist - motion.twist).to_array();
@@ -313,7 +313,7 @@ impl Observer {
             error: motion.error + Vector6::from_array(parts[0]),
             twist: motion.twist + Vector6::from_array(parts[1]),
         };
-        let disturbance = Disturbance {
+        let disturbance = DisturbanceEstimate {
             slow: carried.slow + inertia.apply(Vector6::from_array(parts[2])),
             wave: [
                 carried.wave[0] + inertia.apply(Vector6::from_array(parts[3])),
@@ -325,7 +325,7 @@ impl Observer {
 
     /// Stores the commanded wrench and the arm's reference.
     #[inline(always)]
-    pub fn remember<L: Lane<Real = f64>>(&self, measured: &Measurement<L>, command: Vector6<L>, memory: &mut [L]) {
+    pub fn remember<L: Lane<Real = f64>>(&self, measured: &MeasuredMotion<L>, command: Vector6<L>, memory: &mut [L]) {
         let n = 2 * self.model.joints();
         let (commands, references) = (self.commands(), self.references());
         memory[commands..references].rotate_right(6);

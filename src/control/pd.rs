@@ -120,7 +120,7 @@ impl Controller for Pd {
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().each_row(observations, memory, actions, |observation, _, action| {
-            self.actions.normalise(&self.wrench(observation), action);
+            self.actions.normalise(&self.wrench(observation), &[], action);
         })
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::controller::{Controller, Widths};
 use super::indices::ObservationIndices;
 use super::rows::{LaneLaw, Work};
-use super::{ACTIONS, ActionMap, Actuation, Pd};
+use super::{ActionMap, Actuation, Pd};
 use crate::description::VehicleServo;
 use crate::error::ControlError;
 use crate::lane::Lane;
@@ -80,12 +80,8 @@ impl LaneLaw for Pid {
             for k in 0..6 {
                 wrench[k] -= self.ki[k] * integral[k];
             }
-            map.normalise(&wrench, action);
-            let mut entries = [0.0; ACTIONS];
-            for k in 0..width {
-                entries[k] = f64::from(action[k]);
-            }
-            let (error, reached) = (self.pd.error(observation), self.actuation.act(&entries).wrench.to_array());
+            map.normalise(&wrench, &[], action);
+            let (error, reached) = (self.pd.error(observation), self.actuation.act_on_row(action).wrench.to_array());
             for k in 0..6 {
                 let saturated = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
                 let further = error[k] * wrench[k] < 0.0;

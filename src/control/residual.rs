@@ -10,13 +10,13 @@ use crate::error::ControlError;
 pub const BASE_ACTION: &str = "base_action";
 
 /// A base controller and a residual network: the network reads the observation and the base's action, and the action is `clip(base + limit * clip(network))`, each clip to [-1, 1]. `[Sil18]`
-pub struct Residual {
+pub struct ResidualController {
     base: Arc<dyn Controller>,
     correction: Arc<Mlp>,
     limit: f32,
 }
 
-impl Residual {
+impl ResidualController {
     /// `limit` is the maximum correction of an entry of the action.
     ///
     /// # Errors
@@ -34,7 +34,7 @@ impl Residual {
     }
 }
 
-impl Controller for Residual {
+impl Controller for ResidualController {
     fn widths(&self) -> Widths {
         let base = self.base.widths();
         Widths { memory: base.memory + self.correction.widths().memory, ..base }

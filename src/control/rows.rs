@@ -75,7 +75,7 @@ impl<C: LaneLaw> Kernel<f64> for Groups<'_, C> {
 
 /// Measurement at a row of observations.
 #[derive(Debug, Clone, Copy)]
-pub struct Measurement<L> {
+pub struct MeasuredMotion<L> {
     /// Vehicle.
     pub motion: VehicleMotion<L>,
     /// Arm.
@@ -148,13 +148,13 @@ fn joints<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32], [q, qd]: &[
 
 /// Measurements of a group of rows.
 #[inline(always)]
-pub(super) fn read<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32]) -> Measurement<L> {
+pub(super) fn read<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32]) -> MeasuredMotion<L> {
     let (vehicle, mut error, mut twist) = (&indices.vehicle, [L::zero(); 6], [L::zero(); 6]);
     for k in 0..6 {
         error[k] = column(rows, vehicle.width, (vehicle.error.offset + k, vehicle.error.scale[k]));
         twist[k] = column(rows, vehicle.width, (vehicle.twist.offset + k, vehicle.twist.scale[k]));
     }
-    Measurement {
+    MeasuredMotion {
         motion: VehicleMotion { error: Vector6::from_array(error), twist: Vector6::from_array(twist) },
         arm: joints(indices, rows, &indices.arm),
         reference: joints(indices, rows, &indices.reference),
@@ -211,7 +211,7 @@ pub(super) fn write_actions<L: Lane<Real = f64>>(map: &ActionMap, wrench: Vector
     let rows = rows_of(&[wrench.to_array()]);
     for lane in 0..actions.len() / map.len() {
         let wrench = na::Vector6::from(rows[lane][0].map(|x| if x.is_finite() { x } else { 0.0 }));
-        map.normalise(&wrench, &mut actions[lane * map.len()..][..map.len()]);
+        map.normalise(&wrench, &[], &mut actions[lane * map.len()..][..map.len()]);
     }
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Allocation;
 
-/// Weight on thrusts that cancel each other, over that of the maximum effort.
+/// Weight on thrusts that cancel each other, over the maximum weight on effort.
 const CANCELLING: f64 = 1e3;
 
 /// Map between relative thrusts and wrenches, and bounds of the thrusts.

@@ -186,7 +186,6 @@ fn optimize_one(
     Ok(Plan { end_effector, trajectory: problem.present, solution })
 }
 
-/// Numbers of problem `i`.
 fn part(all: &[f64], width: usize, i: usize) -> &[f64] {
     &all[i * width..][..width]
 }

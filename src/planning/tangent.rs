@@ -5,7 +5,6 @@ use nalgebra as na;
 use crate::lie::{DexpInverse, Matrix3, Vector3, Vector6, dexp_inverse_negative, rotation_vector};
 use crate::system::State;
 
-/// Rotation vector of a rotation.
 fn logarithm(rotation: &na::Matrix3<f64>) -> na::Vector3<f64> {
     rotation_vector(&Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| rotation[(i, k)])))).0.into()
 }

@@ -81,7 +81,6 @@ fn inputs(parts: &[(Argument, Vec<f64>)]) -> Inputs<'_> {
 }
 
 impl Tracking<'_> {
-    /// Entries of the inputs of a knot.
     fn width(&self) -> usize {
         self.arguments.iter().map(|(_, width)| width).sum()
     }
@@ -90,7 +89,6 @@ impl Tracking<'_> {
         self.knots.instances()
     }
 
-    /// Cost of the inputs of a knot.
     fn input_cost(&self, knot: usize, inputs: &[f64]) -> f64 {
         let (w, at) = (self.width(), knot * self.width());
         let numbers = self.numbers.input_weights[at..at + w].iter().zip(&self.numbers.input_references[at..at + w]);

@@ -13,7 +13,7 @@ use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::task::Task;
 use uvms_gym::control::{
-    self, Activation, GainMap, Layer, Network, Normalisation, Output, PolicySpec, Residual, gain_value,
+    self, Activation, GainMap, Layer, Network, Normalisation, Output, PolicySpec, ResidualController, gain_value,
 };
 use uvms_gym::task::ControllerKind;
 
@@ -172,7 +172,7 @@ impl Mlp {
 
     /// This network's corrections to a controller, of at most `limit`.
     fn correcting(&self, base: PyRef<'_, Controller>, limit: f64) -> PyResult<Controller> {
-        let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit).or_raise()?);
+        let inner = Arc::new(ResidualController::new(base.inner.clone(), self.mlp.clone(), limit).or_raise()?);
         Ok(Controller { inner, gains: base.gains.clone() })
     }
 

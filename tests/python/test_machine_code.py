@@ -95,7 +95,7 @@ ELSEWHERE = {
     ROUTINE: "routines that several kernels share",
 }
 # Modules of controllers with a model.
-MODEL = r"7control(3mpc|4nmpc|4rows|5plant|8observer|11model_based|14multiple_model)"
+MODEL = r"7control(3mpc|4nmpc|4rows|5plant|8observer|11model_based|13observer_bank)"
 # What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",

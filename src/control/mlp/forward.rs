@@ -76,7 +76,6 @@ impl Packed {
     }
 }
 
-/// One forward pass over rows of observations.
 pub(super) struct Forward<'a> {
     packed: &'a Packed,
     observations: &'a [f32],
@@ -124,13 +123,19 @@ impl Kernel<f32> for Forward<'_> {
                 for at in (0..used).step_by(PAIR * L::LANES) {
                     layer.multiply::<L>(&input[..layer.inputs], result, at);
                 }
-                let result_used = &mut result[..layer.biases.len() * TILE];
-                match (last, self.packed.activation, self.output) {
-                    (false, Activation::Tanh, _) | (true, _, Some(Output::Tanh)) => each::<L, Tanh>(result_used, used),
-                    (false, Activation::Relu, _) => each::<L, Relu>(result_used, used),
-                    (false, Activation::Elu, _) => each::<L, Elu>(result_used, used),
-                    (true, _, Some(Output::Clip)) => each::<L, Clip>(result_used, used),
-                    (true, _, None) => {}
+                let function = match (last, self.packed.activation, self.output) {
+                    (false, Activation::Tanh, _) | (true, _, Some(Output::Tanh)) => Some(Function::Tanh),
+                    (false, Activation::Relu, _) => Some(Function::Relu),
+                    (false, Activation::Elu, _) => Some(Function::Elu),
+                    (true, _, Some(Output::Clip)) => Some(Function::Clip),
+                    (true, _, None) => None,
+                };
+                if let Some(function) = function {
+                    for panel in &mut result[..layer.biases.len() * TILE] {
+                        for at in (0..used).step_by(L::LANES) {
+                            function.at(L::load(&panel.0[at..])).store(&mut panel.0[at..]);
+                        }
+                    }
                 }
                 (input, result) = (result, input);
             }
@@ -186,52 +191,26 @@ fn normalise<L: Lane<Real = f32>>(panels: &mut [Panel], entries: &[[f32; 2]], cl
     }
 }
 
-/// A function of one number. (Not a closure: it would not inherit the caller's instruction set.)
-trait Function {
-    fn of<L: Lane<Real = f32>>(x: L) -> L;
+#[derive(Debug, Clone, Copy)]
+enum Function {
+    Tanh,
+    Relu,
+    Elu,
+    Clip,
 }
 
-struct Tanh;
-struct Relu;
-struct Elu;
-struct Clip;
-
-impl Function for Tanh {
+impl Function {
     #[inline(always)]
-    fn of<L: Lane<Real = f32>>(x: L) -> L {
-        tanh(x)
-    }
-}
-
-impl Function for Relu {
-    #[inline(always)]
-    fn of<L: Lane<Real = f32>>(x: L) -> L {
-        x.max(L::zero())
-    }
-}
-
-impl Function for Elu {
-    /// `exp(x) - 1 = 2 t / (1 - t)` with `t = tanh(x / 2)`.
-    #[inline(always)]
-    fn of<L: Lane<Real = f32>>(x: L) -> L {
-        let t = tanh(x.min(L::zero()) * L::c(0.5));
-        L::select(L::zero().lt(x), x, (t + t) / (L::c(1.0) - t))
-    }
-}
-
-impl Function for Clip {
-    #[inline(always)]
-    fn of<L: Lane<Real = f32>>(x: L) -> L {
-        x.min(L::c(1.0)).max(L::c(-1.0))
-    }
-}
-
-/// Applies a function to the first `used` numbers of each panel.
-#[inline(always)]
-fn each<L: Lane<Real = f32>, F: Function>(panels: &mut [Panel], used: usize) {
-    for panel in panels {
-        for at in (0..used).step_by(L::LANES) {
-            F::of(L::load(&panel.0[at..])).store(&mut panel.0[at..]);
+    fn at<L: Lane<Real = f32>>(self, x: L) -> L {
+        match self {
+            Self::Tanh => tanh(x),
+            Self::Relu => x.max(L::zero()),
+            // `exp(x) - 1 = 2 t / (1 - t)` with `t = tanh(x / 2)`.
+            Self::Elu => {
+                let t = tanh(x.min(L::zero()) * L::c(0.5));
+                L::select(L::zero().lt(x), x, (t + t) / (L::c(1.0) - t))
+            }
+            Self::Clip => x.min(L::c(1.0)).max(L::c(-1.0)),
         }
     }
 }

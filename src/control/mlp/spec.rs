@@ -29,7 +29,6 @@ impl PolicySpec {
         self.observation.iter().map(|(_, entries)| entries).sum()
     }
 
-    /// Refuses another environment.
     pub(super) fn check(&self, environment: &Self) -> Result<(), PolicyError> {
         let block = |spec: &Self, i: usize| match spec.observation.get(i) {
             Some((name, entries)) => format!("{name} ({entries})"),

@@ -6,7 +6,7 @@ pub mod model;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector6};
 
 use super::ActionMap;
-use super::observer::{Estimate, Observer};
+use super::observer::{Observer, ObserverEstimate};
 use super::thrusts::RelativeThrusts;
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
@@ -87,14 +87,15 @@ impl Mpc {
     }
 }
 
-/// Parameters of the plan in lanes, for an estimate and the composite bodies at it and a control period (s) later.
+/// Parameters of the plan in lanes and the slow disturbance, for an estimate and the composite bodies at it and a control period
+/// (s) later.
 #[inline(always)]
 pub(super) fn parameters<L: Lane<Real = f64>>(
-    at: &Estimate<L>,
+    at: &ObserverEstimate<L>,
     [now, next]: &[CompositeBody<L>; 2],
     period: f64,
-) -> [[L; 6]; PARAMETERS / 6] {
-    let Estimate { motion, command, thrust, disturbance, .. } = *at;
+) -> [[L; 6]; PARAMETERS / 6 + 1] {
+    let ObserverEstimate { motion, command, thrust, disturbance, .. } = *at;
     // The arm's momentum keeps changing at its present rate.
     let steady = now.momentum.scale_add(L::c(1.0 / period), disturbance.slow);
     let steady = steady + now.force - now.momentum_transport(motion.twist);
@@ -107,5 +108,6 @@ pub(super) fn parameters<L: Lane<Real = f64>>(
         steady.to_array(),
         disturbance.wave[0].to_array(),
         disturbance.wave[1].to_array(),
+        disturbance.slow.to_array(),
     ]
 }

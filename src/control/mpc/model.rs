@@ -31,7 +31,6 @@ pub struct LinearModel {
     frequency: f64,
 }
 
-/// The k-th six numbers.
 fn six(from: &[f64], k: usize) -> Vector6<f64> {
     Vector6::from_column_slice(&from[6 * k..6 * k + 6])
 }

@@ -1,9 +1,12 @@
 //! Gains of NMPC.
 
+use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
+use crate::control::indices::ATTITUDE_LEVER;
 use crate::control::observer::ObserverGains;
 use crate::control::resolved_motion::ResolvedMotionGains;
+use crate::control::thrusts::{MIN_EFFORT, RelativeThrusts};
 
 /// Gains of NMPC: weights of the cost, and gains of the observer. Lists of three: linear, angular, joints; angles count
 /// by [`ATTITUDE_LEVER`](crate::control::ATTITUDE_LEVER).
@@ -74,6 +77,37 @@ impl NmpcGains {
             acceleration_noise: self.acceleration_noise,
             delay: self.delay,
         }
+    }
+
+    /// Roots of a knot's cost of the vehicle: rows of weighted residuals of z, which has `entries`. Its first six are pose errors;
+    /// velocities, the thrusters' wrench and relative thrusts follow at these places. Pose errors and velocities count along the
+    /// axes of `counted`, efforts along the axes with a limit in `unit`.
+    pub(super) fn roots(
+        &self,
+        thrusts: &RelativeThrusts,
+        (counted, unit): ([bool; 6], &[f64; 6]),
+        [velocity, wrench, inputs]: [usize; 3],
+        entries: usize,
+    ) -> Vec<DVector<f64>> {
+        let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
+        let mut rows = Vec::new();
+        for k in 0..6 {
+            let lever = if k < 3 { 1.0 } else { ATTITUDE_LEVER } * f64::from(u8::from(counted[k]));
+            let (effort, change) = (over(k, self.effort[k / 3].max(MIN_EFFORT)), over(k, self.change[k / 3]));
+            let (mut four, per_thrust) = ([0; 4].map(|_| DVector::zeros(entries)), thrusts.wrench.row(k).transpose());
+            four[0][k] = lever;
+            four[1][velocity + k] = self.velocity[k / 3].sqrt() * lever;
+            four[2].rows_mut(inputs, thrusts.count()).copy_from(&(&per_thrust * effort));
+            four[3].rows_mut(inputs, thrusts.count()).copy_from(&(per_thrust * change));
+            four[3][wrench + k] = -change;
+            rows.extend(four);
+        }
+        for cancelling in thrusts.cancelling_root(self.effort.iter().chain(&self.change)).row_iter() {
+            let mut row = DVector::zeros(entries);
+            row.rows_mut(inputs, thrusts.count()).copy_from(&cancelling.transpose());
+            rows.push(row);
+        }
+        rows
     }
 
     /// Gains of the observer of tracking.

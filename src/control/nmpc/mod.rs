@@ -1,9 +1,9 @@
 //! Nonlinear model-predictive control by real-time iterations.
 
-pub mod arm_model;
 mod gains;
 pub mod real_time;
 mod tracking;
+pub mod tracking_model;
 pub mod vehicle;
 
 pub use gains::NmpcGains;

@@ -30,7 +30,7 @@ impl Cost {
 }
 
 /// Plan from the present state: inputs of each control period, and their problem.
-pub struct Plan<'a, M> {
+pub struct RealTimePlan<'a, M> {
     model: &'a M,
     cost: &'a Cost,
     /// Derivatives of a control period by z, of all knots.
@@ -46,7 +46,7 @@ pub struct Plan<'a, M> {
 
 type Trajectory = (Vec<DVector<f64>>, Vec<DVector<f64>>);
 
-impl<'a, M: PlanModel> Plan<'a, M> {
+impl<'a, M: PlanModel> RealTimePlan<'a, M> {
     /// The plan of a row of memory from a state on.
     pub fn new(
         model: &'a M,
@@ -113,7 +113,7 @@ fn stacked(state: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64> {
     DVector::from_iterator(state.len() + inputs.len(), state.iter().chain(inputs).copied())
 }
 
-impl<M: PlanModel> Problem for Plan<'_, M> {
+impl<M: PlanModel> Problem for RealTimePlan<'_, M> {
     fn expand(&mut self) -> Expansion {
         let (inputs, states) = &self.present;
         let knot = |k: usize| Knot {

@@ -2,14 +2,14 @@
 
 use nalgebra::{DMatrix, DVector, Vector6};
 
-use super::arm_model::{ArmModel, PlanLayout};
 use super::gains::NmpcGains;
-use super::real_time::{Cost, Plan};
+use super::real_time::{Cost, RealTimePlan};
+use super::tracking_model::{PlanLayout, TrackingModel};
+use crate::control::bank::Bank;
 use crate::control::controller::{Controller, Plant, Widths};
 use crate::control::indices::ATTITUDE_LEVER;
-use crate::control::likelihood::Likelihood;
 use crate::control::nominal_model::NominalModel;
-use crate::control::resolved_motion::{MotionBank, MotionEstimates, TrackingIndices, reached};
+use crate::control::resolved_motion::{MotionBank, MotionEstimates, Predictor, TrackingIndices, reached};
 use crate::control::thrusts::MIN_EFFORT;
 use crate::control::{ActionMap, Actuation};
 use crate::error::ControlError;
@@ -42,12 +42,13 @@ impl TrackingNmpc {
     pub fn new(gains: &NmpcGains, indices: TrackingIndices, plant: Plant) -> Self {
         let Plant { scene, actions, period } = plant;
         let (layout, model) = (PlanLayout::new(&actions), NominalModel::new(scene));
+        let predictor = Predictor::new(&gains.predictor(), &model, &actions, period);
         let roots = roots(&layout, gains, &actions.allocation().wrench_limits());
         let hessian = roots.tr_mul(&roots);
         let mut end = hessian.view((0, 0), (layout.states(), layout.states())).into_owned();
         end.view_mut((0, 0), (6, 6)).scale_mut(END);
         Self {
-            bank: MotionBank::new(&[(gains.predictor(), 1.0)], Likelihood::none(), &model, &actions, period),
+            bank: MotionBank::new(Bank::single(gains.delay), predictor),
             bounds: layout.bounds(),
             model,
             home: scene.joints().map(|joint| joint.home).collect(),
@@ -69,12 +70,12 @@ impl TrackingNmpc {
         let (memory, plan) = memory.split_at_mut(self.bank.memory());
         let (inputs, estimates) = self.at(observation, memory, |model| {
             let (targets, dynamics) = (self.targets(model), model.dynamics());
-            let from = Plan::new(model, (&self.cost, &dynamics), &targets, &self.bounds, model.present(), plan);
+            let from = RealTimePlan::new(model, (&self.cost, &dynamics), &targets, &self.bounds, model.present(), plan);
             from.improve(plan)
         });
         let effort = self.layout.effort(&inputs);
         let wrench = effort.fixed_rows::<6>(0).into_owned();
-        self.actions.normalise_all(&wrench, &effort.as_slice()[6..6 + self.layout.joints], action);
+        self.actions.normalise(&wrench, &effort.as_slice()[6..6 + self.layout.joints], action);
         let reached = reached(&self.actuation, action);
         self.bank.remember(estimates, &reached, memory);
     }
@@ -84,7 +85,7 @@ impl TrackingNmpc {
         &self,
         observation: &[f32],
         memory: &mut [f64],
-        work: impl FnOnce(&ArmModel) -> T,
+        work: impl FnOnce(&TrackingModel) -> T,
     ) -> (T, MotionEstimates) {
         let measured = self.indices.read(&self.home, observation);
         let points = self.indices.points(&measured.error, observation);
@@ -92,11 +93,11 @@ impl TrackingNmpc {
         let (estimate, equations) = estimates.likeliest();
         let rates = self.reference_rates(&measured.reference, &points);
         let (layout, model, bank) = (&self.layout, &self.model, &self.bank);
-        (work(&ArmModel { layout, model, bank, estimate, equations, rates: &rates }), estimates)
+        (work(&TrackingModel { layout, model, bank, estimate, equations, rates: &rates }), estimates)
     }
 
     /// Evaluates `work` with the model from an observation on that is the first of its episode.
-    pub fn at_first<T>(&self, observation: &[f32], work: impl FnOnce(&ArmModel) -> T) -> T {
+    pub fn at_first<T>(&self, observation: &[f32], work: impl FnOnce(&TrackingModel) -> T) -> T {
         self.at(observation, &mut vec![0.0; self.bank.memory()], work).0
     }
 
@@ -119,7 +120,7 @@ impl TrackingNmpc {
     }
 
     /// z of each knot that costs nothing.
-    fn targets(&self, model: &ArmModel) -> Vec<DVector<f64>> {
+    fn targets(&self, model: &TrackingModel) -> Vec<DVector<f64>> {
         let (layout, n) = (&self.layout, self.layout.joints);
         let hold = model.holding_effort();
         let mut target = DVector::zeros(layout.states() + layout.inputs());
@@ -137,34 +138,19 @@ impl TrackingNmpc {
 /// Roots of a knot's cost: rows of weighted residuals of z.
 fn roots(layout: &PlanLayout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
     let (n, s, w) = (layout.joints, layout.states(), layout.inputs());
-    let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
-    let lever = |k: usize| if k < 3 { 1.0 } else { ATTITUDE_LEVER };
-    let mut rows: Vec<DVector<f64>> = Vec::new();
-    let mut row = |entries: &[(usize, f64)]| {
-        let mut row = DVector::zeros(s + w);
-        entries.iter().for_each(|(k, x)| row[*k] = *x);
-        rows.push(row);
+    let mut rows = gains.roots(&layout.thrusts, ([true; 6], unit), [layout.velocity(), layout.thrust(), s], s + w);
+    let mut add = |k: usize, root: f64| {
+        rows.push(DVector::zeros(s + w));
+        let last = rows.len() - 1;
+        rows[last][k] = root;
     };
-    for k in 0..6 {
-        row(&[(k, lever(k))]);
-        row(&[(layout.velocity() + k, gains.velocity[k / 3].sqrt() * lever(k))]);
-        let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
-        let thrusts = |by: f64| (0..w).map(|i| (s + i, by * layout.wrench(k, i))).collect::<Vec<_>>();
-        row(&thrusts(over(k, effort)));
-        row(&[thrusts(over(k, change)), vec![(layout.thrust() + k, -over(k, change))]].concat());
-    }
-    for k in 0..2 {
-        row(&[(6 + k, gains.levelling.sqrt() * ATTITUDE_LEVER)]);
-    }
+    (0..2).for_each(|k| add(6 + k, gains.levelling.sqrt() * ATTITUDE_LEVER));
     for k in 0..n {
-        row(&[(9 + k, gains.posture.sqrt() * ATTITUDE_LEVER)]);
-        row(&[(layout.velocity() + 6 + k, gains.velocity[2].sqrt() * ATTITUDE_LEVER)]);
-        row(&[(s + w - n + k, gains.effort[2].max(MIN_EFFORT).sqrt())]);
+        add(9 + k, gains.posture.sqrt() * ATTITUDE_LEVER);
+        add(layout.velocity() + 6 + k, gains.velocity[2].sqrt() * ATTITUDE_LEVER);
+        add(s + w - n + k, gains.effort[2].max(MIN_EFFORT).sqrt());
     }
-    for cancelling in layout.thrusts.cancelling_root(gains.effort.iter().chain(&gains.change)).row_iter() {
-        row(&cancelling.iter().enumerate().map(|(i, x)| (s + i, *x)).collect::<Vec<_>>());
-    }
-    DMatrix::from_fn(rows.len(), s + w, |i, k| rows[i][k])
+    DMatrix::from_columns(&rows).transpose()
 }
 
 impl Controller for TrackingNmpc {

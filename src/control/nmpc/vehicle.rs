@@ -3,13 +3,12 @@
 use nalgebra::{DMatrix, DVector, Vector6};
 
 use super::gains::NmpcGains;
-use super::real_time::{Cost, Plan, PlanModel};
+use super::real_time::{Cost, PlanModel, RealTimePlan};
 use crate::control::ActionMap;
-use crate::control::indices::ATTITUDE_LEVER;
 use crate::control::kalman::WaveTransition;
 use crate::control::nominal_model::{AppliedWrenches, ArmState, NominalModel, VehicleMotion};
 use crate::control::observer::Observer;
-use crate::control::thrusts::{MIN_EFFORT, RelativeThrusts};
+use crate::control::thrusts::RelativeThrusts;
 use crate::description::Scene;
 use crate::dynamics::aba::Scratch;
 use crate::lane::{Function, Lane, differentiate, evaluate};
@@ -23,7 +22,7 @@ pub const STATES: usize = 18;
 
 /// Estimate of the present, of one instance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Present {
+pub struct PlanStart {
     /// Pose error, twist and wrench of the thrusters.
     pub state: [[f64; 6]; 3],
     /// Slow disturbance, wave and its rate; then the steady external wrench: forces of the model and the slow
@@ -52,12 +51,14 @@ impl VehicleNmpc {
         let thrusts = RelativeThrusts::new(allocation);
         let middle = |k: usize| WaveTransition::over(gains.wave_frequency, (k as f64 + 0.5) * period);
         let waves = (0..=HORIZON).map(middle).collect();
-        let roots = roots(&thrusts, gains, &allocation.wrench_limits());
+        let unit = allocation.wrench_limits();
+        let axes = (unit.map(|limit| limit > 0.0), &unit);
+        let roots = gains.roots(&thrusts, axes, [6, 12, STATES], STATES + thrusts.count());
         let empty = Cost { hessian: DMatrix::zeros(0, 0), end: DMatrix::zeros(0, 0) };
         let mut nmpc = Self { model: observer.model().clone(), period, thrusts, cost: empty, waves };
         let still = ArmState { q: scene.home(), qd: [0.0; JOINTS] };
-        let rest = Present { state: [[0.0; 6]; 3], wrenches: [[0.0; 6]; 4], arms: [still; 2] };
-        nmpc.cost = Cost::new(&roots, &nmpc.dynamics(&rest));
+        let rest = PlanStart { state: [[0.0; 6]; 3], wrenches: [[0.0; 6]; 4], arms: [still; 2] };
+        nmpc.cost = Cost::new(&DMatrix::from_columns(&roots).transpose(), &nmpc.dynamics(&rest));
         nmpc
     }
 
@@ -66,28 +67,28 @@ impl VehicleNmpc {
         HORIZON * self.thrusts.count()
     }
 
-    fn at<'a>(&'a self, present: &'a Present) -> VehicleModel<'a> {
+    fn at<'a>(&'a self, present: &'a PlanStart) -> VehicleModel<'a> {
         VehicleModel { nmpc: self, present }
     }
 
     /// Derivatives of a control period by state and relative thrusts.
-    pub fn dynamics(&self, present: &Present) -> DMatrix<f64> {
+    pub fn dynamics(&self, present: &PlanStart) -> DMatrix<f64> {
         self.at(present).dynamics()
     }
 
     /// Improves the plan in the memory from the present on, and returns its first wrench.
-    pub fn plan(&self, present: &Present, memory: &mut [f64]) -> [f64; 6] {
+    pub fn plan(&self, present: &PlanStart, memory: &mut [f64]) -> [f64; 6] {
         let state = DVector::from_column_slice(present.state.as_flattened());
         let model = self.at(present);
         let targets: Vec<_> = (0..=HORIZON).map(|k| self.target(k, present)).collect();
         let dynamics = model.dynamics();
-        let plan = Plan::new(&model, (&self.cost, &dynamics), &targets, &self.thrusts.bounds, state, memory);
+        let plan = RealTimePlan::new(&model, (&self.cost, &dynamics), &targets, &self.thrusts.bounds, state, memory);
         let wrench = &self.thrusts.wrench * plan.improve(memory);
         std::array::from_fn(|k| wrench[k])
     }
 
     /// z of a knot that holds the vehicle at its target.
-    fn target(&self, knot: usize, present: &Present) -> DVector<f64> {
+    fn target(&self, knot: usize, present: &PlanStart) -> DVector<f64> {
         let [_, wave, rate, steady] = present.wrenches.map(Vector6::from);
         let WaveTransition([[a, b], _]) = self.waves[knot];
         let hold = -(steady + wave * a + rate * b);
@@ -101,31 +102,10 @@ impl VehicleNmpc {
     }
 }
 
-/// Roots of a knot's cost: rows of weighted residuals of `z = [pose error; twist; thrusters' wrench; thrusts]`.
-fn roots(thrusts: &RelativeThrusts, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
-    let count = thrusts.count();
-    let root = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() } else { 0.0 };
-    let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
-    let mut roots = DMatrix::zeros(24 + count, STATES + count);
-    for k in 0..6 {
-        let lever = if k < 3 { 1.0 } else { ATTITUDE_LEVER };
-        roots[(k, k)] = root(k, 1.0) * lever;
-        roots[(6 + k, 6 + k)] = root(k, gains.velocity[k / 3]) * lever;
-        let (effort, change) = (gains.effort[k / 3].max(MIN_EFFORT), gains.change[k / 3]);
-        let row = thrusts.wrench.row(k);
-        roots.view_mut((12 + k, STATES), (1, count)).copy_from(&(row * over(k, effort)));
-        roots.view_mut((18 + k, STATES), (1, count)).copy_from(&(row * over(k, change)));
-        roots[(18 + k, 12 + k)] = -over(k, change);
-    }
-    let cancelling = thrusts.cancelling_root(gains.effort.iter().chain(&gains.change));
-    roots.view_mut((24, STATES), (count, count)).copy_from(&cancelling);
-    roots
-}
-
 /// The nominal model from the present on.
 struct VehicleModel<'a> {
     nmpc: &'a VehicleNmpc,
-    present: &'a Present,
+    present: &'a PlanStart,
 }
 
 impl VehicleModel<'_> {

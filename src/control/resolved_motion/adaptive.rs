@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::gains::ResolvedMotionGains;
-use crate::control::likelihood::Likelihood;
+use crate::control::bank::{Bank, BankModel};
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion) on a bank of models of delay and thrust.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -36,22 +36,22 @@ impl Default for AdaptiveMotionGains {
 }
 
 impl AdaptiveMotionGains {
-    /// Gains of the models, by delay and by factor on the thrust, and the factors.
-    pub(super) fn models(&self, period: f64) -> Vec<(ResolvedMotionGains, f64)> {
-        let at_delay = |delay: usize| {
-            let [pose, rate] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
+    /// Gains of a bank's models.
+    pub(super) fn models(&self, bank: &Bank<3>, period: f64) -> Vec<ResolvedMotionGains> {
+        let gains = |BankModel { delay, .. }: &BankModel| {
+            let [pose, rate] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * *delay as f64 * period));
             ResolvedMotionGains {
                 pose_gain: self.motion.pose_gain * pose,
                 twist_gain: self.motion.twist_gain * rate,
                 joint_gain: self.motion.joint_gain * rate,
-                delay,
+                delay: *delay,
                 ..self.motion
             }
         };
-        (0..=self.motion.delay).flat_map(|delay| self.thrust_factors.map(|factor| (at_delay(delay), factor))).collect()
+        bank.models.iter().map(gains).collect()
     }
 
-    pub(super) fn likelihood(&self, period: f64) -> Likelihood<3> {
-        Likelihood::new(self.innovation, self.memory_time, period)
+    pub(super) fn bank(&self, period: f64) -> Bank<3> {
+        Bank::new(self.motion.delay, self.thrust_factors, self.innovation, [self.memory_time, period])
     }
 }

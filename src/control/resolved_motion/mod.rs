@@ -1,23 +1,24 @@
 //! End-effector tracking by resolved motion.
 
 mod adaptive;
-mod bank;
 mod gains;
+mod motion_bank;
 mod predictor;
 mod reading;
 
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 pub use adaptive::AdaptiveMotionGains;
-pub(super) use bank::{MotionBank, MotionEstimate, MotionEstimates};
 pub use gains::ResolvedMotionGains;
+pub(super) use motion_bank::{MotionBank, MotionEstimate, MotionEstimates};
+pub(super) use predictor::Predictor;
 pub use reading::{TrackingIndices, TrackingState};
 
+use super::bank::Bank;
 use super::controller::{Controller, Plant, Widths};
 use super::equations::{Equations, VELOCITIES, Velocities};
-use super::likelihood::Likelihood;
 use super::nominal_model::NominalModel;
-use super::{ACTIONS, ActionMap, Actuation};
+use super::{ActionMap, Actuation};
 use crate::description::JointLimits;
 use crate::error::ControlError;
 use crate::system::JOINTS;
@@ -58,27 +59,24 @@ pub struct ResolvedMotion {
 impl ResolvedMotion {
     /// For checked gains.
     pub fn new(gains: ResolvedMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
-        Self::on_models(&[(gains, 1.0)], Likelihood::none(), indices, plant)
+        Self::on_models(Bank::single(gains.delay), vec![gains], indices, plant)
     }
 
     /// On a bank of models, for checked gains.
     pub fn adaptive(gains: &AdaptiveMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
-        Self::on_models(&gains.models(plant.period), gains.likelihood(plant.period), indices, plant)
+        let bank = gains.bank(plant.period);
+        let models = gains.models(&bank, plant.period);
+        Self::on_models(bank, models, indices, plant)
     }
 
-    fn on_models(
-        models: &[(ResolvedMotionGains, f64)],
-        likelihood: Likelihood<3>,
-        indices: TrackingIndices,
-        plant: Plant,
-    ) -> Self {
+    fn on_models(bank: Bank<3>, gains: Vec<ResolvedMotionGains>, indices: TrackingIndices, plant: Plant) -> Self {
         let Plant { scene, actions, period } = plant;
         let model = NominalModel::new(scene);
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
-        let needs_bank = models.len() > 1 || models[0].0.predicts();
-        let bank = needs_bank.then(|| MotionBank::new(models, likelihood, &model, &actions, period));
-        let (gains, actuation) = (models.iter().map(|(gains, _)| *gains).collect(), Actuation::new(&actions));
+        let needs_bank = gains.len() > 1 || gains[0].predicts();
+        let bank = needs_bank.then(|| MotionBank::new(bank, Predictor::new(&gains[0], &model, &actions, period)));
+        let actuation = Actuation::new(&actions);
         Self { indices, gains, actions, actuation, model, period, bank, home, limits, actuated }
     }
 
@@ -156,12 +154,12 @@ impl ResolvedMotion {
         let estimates = self.bank.as_ref().map(|bank| (bank, bank.estimate(&self.model, &now, memory)));
         let effort = match &estimates {
             Some((bank, estimates)) => {
-                now.error = estimates.now().error;
+                now.error = estimates.likeliest().0.now.error;
                 bank.mean(estimates, |k, now, equations| self.effort(&self.gains[k], now, equations, &sum))
             }
             None => self.effort(&self.gains[0], &now, &self.model.equations(now.chain(), 0.0), &sum),
         };
-        self.actions.normalise_all(&effort.fixed_rows::<6>(0).into_owned(), &effort.as_slice()[6..6 + n], action);
+        self.actions.normalise(&effort.fixed_rows::<6>(0).into_owned(), &effort.as_slice()[6..6 + n], action);
         if self.widths().memory == 0 {
             return;
         }
@@ -185,9 +183,7 @@ impl ResolvedMotion {
 
 /// Wrench and torques of an action within the actuators' limits.
 pub(super) fn reached(actuation: &Actuation<f64>, action: &[f32]) -> Velocities {
-    let mut entries = [0.0; ACTIONS];
-    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-    let actuated = actuation.act(&entries);
+    let actuated = actuation.act_on_row(action);
     let mut reached = Velocities::zeros();
     reached.fixed_rows_mut::<6>(0).copy_from_slice(&actuated.wrench.to_array());
     reached.fixed_rows_mut::<JOINTS>(6).copy_from_slice(&actuated.torques);

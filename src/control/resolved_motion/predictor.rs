@@ -31,6 +31,8 @@ pub(in crate::control) struct Predictor {
     lag_compensation: f64,
     /// Control period, s.
     pub period: f64,
+    /// Velocities of vehicle and joints.
+    pub size: usize,
 }
 
 impl Predictor {
@@ -53,6 +55,7 @@ impl Predictor {
             lag: lag_decay(period, model.lag()).into(),
             lag_compensation: gains.lag_compensation,
             period,
+            size: 6 + actions.torques().len(),
         }
     }
 

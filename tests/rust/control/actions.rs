@@ -104,13 +104,13 @@ proptest! {
     #[test]
     fn thruster_actions_and_wrench_actions_invert(wrench in wrench()) {
         let a = allocation();
-        // Within the limits of each axis alone, which are those of the weaker side.
+        // Within the limits of each axis alone, which are the limits of the weaker side.
         let limits = Vector6::from(a.wrench_limits());
         let reached = a.wrench(&a.allocate(&wrench.component_div(&Vector6::repeat(300.0)).component_mul(&limits)));
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
             let map = map(kind);
             let mut action = vec![0.0f32; map.len()];
-            map.normalise(&reached, &mut action);
+            map.normalise(&reached, &[], &mut action);
             prop_assert!(action.iter().all(|x| x.abs() <= 1.0));
             // Within what f32 actions resolve.
             prop_assert!((a.wrench(&actuated(&map, &action).thrusts) - reached).norm() < 1e-4);

@@ -7,9 +7,7 @@ mod mpc;
 mod nmpc;
 mod resolved_motion;
 
-use uvms_gym::control::{
-    ACTIONS, ActionKind, ActionMap, Actuated, Actuation, Allocation, BlockIndices, TrackingIndices,
-};
+use uvms_gym::control::{ActionKind, ActionMap, Actuated, Actuation, Allocation, BlockIndices, TrackingIndices};
 use uvms_gym::description::Scene;
 
 /// Torques of the joints of petasus-pum.
@@ -22,9 +20,7 @@ fn actions(scene: &Scene, torques: &[f64]) -> ActionMap {
 
 /// Thrusts and torques of an action.
 fn actuated(map: &ActionMap, action: &[f32]) -> Actuated<f64> {
-    let mut entries = [0.0; ACTIONS];
-    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-    Actuation::new(map).act(&entries)
+    Actuation::new(map).act_on_row(action)
 }
 
 /// Entries of an observation with one scale.

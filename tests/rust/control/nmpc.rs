@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector6};
 
 use super::{JOINT_TORQUES, actions, tracking_indices};
 use uvms_gym::control::nmpc::real_time::PlanModel;
-use uvms_gym::control::nmpc::vehicle::{HORIZON, Present, VehicleNmpc};
+use uvms_gym::control::nmpc::vehicle::{HORIZON, PlanStart, VehicleNmpc};
 use uvms_gym::control::{ActionMap, ArmState, NmpcGains, Observer, Plant, TrackingNmpc};
 use uvms_gym::description::Scene;
 use uvms_gym::system::JOINTS;
@@ -23,12 +23,12 @@ fn case(name: &str) -> Case {
 }
 
 impl Case {
-    fn present(&self, state: [[f64; 6]; 3]) -> Present {
+    fn present(&self, state: [[f64; 6]; 3]) -> PlanStart {
         let arm = ArmState { q: self.scene.home(), qd: [0.0; JOINTS] };
-        Present { state, wrenches: [[0.0; 6]; 4], arms: [arm; 2] }
+        PlanStart { state, wrenches: [[0.0; 6]; 4], arms: [arm; 2] }
     }
 
-    fn first(&self, present: &Present) -> Vector6<f64> {
+    fn first(&self, present: &PlanStart) -> Vector6<f64> {
         self.nmpc.plan(present, &mut vec![0.0; self.nmpc.memory()]).into()
     }
 }

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bank::{Bank, BankModel, normalise};
 use super::dob::FeedbackGains;
-use super::likelihood::{Likelihood, normalise};
 use super::nominal_model::ArmState;
-use super::observer::{Estimate, Observer, ObserverGains};
-use super::rows::Measurement;
+use super::observer::{Observer, ObserverEstimate, ObserverGains};
+use super::rows::MeasuredMotion;
 use crate::description::{Scene, VehicleServo};
 use crate::dynamics::aba::Scratch;
 use crate::lane::{Lane, exp};
@@ -49,79 +49,68 @@ impl AdaptiveGains {
         }
     }
 
-    /// Gains of the models' DOBs: by delay, and by factor on the thrust.
-    pub(super) fn models(&self, period: f64) -> Vec<(FeedbackGains, f64)> {
-        let at_delay = |delay: usize| {
+    /// Gains of the DOBs of a bank's models.
+    pub(super) fn models(&self, bank: &Bank<4>, period: f64) -> Vec<FeedbackGains> {
+        let gains = |model: &BankModel| {
             let mut gains = self.feedback.clone();
-            gains.observer.delay = delay;
-            let [p, d] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
+            gains.observer.delay = model.delay;
+            let [p, d] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * model.delay as f64 * period));
             (gains.kp, gains.kd) = (gains.kp.map(|k| k * p), gains.kd.map(|k| k * d));
             gains
         };
-        (0..=self.feedback.observer.delay)
-            .flat_map(|delay| self.thrust_factors.map(|factor| (at_delay(delay), factor)))
-            .collect()
+        bank.models.iter().map(gains).collect()
     }
 
-    /// Likelihood of innovations.
-    pub(super) fn likelihood(&self, period: f64) -> Likelihood<4> {
+    pub(super) fn bank(&self, period: f64) -> Bank<4> {
         let ([v, w], [q, qd]) = (self.innovation, self.joint_innovation);
-        Likelihood::new([v, w, q, qd], self.memory_time, period)
+        let times = [self.memory_time, period];
+        Bank::new(self.feedback.observer.delay, self.thrust_factors, [v, w, q, qd], times)
     }
 }
 
-/// Observer of a bank, its factor on the thrust, and its place in a row of memory.
-#[derive(Debug, Clone, PartialEq)]
-struct BankObserver {
-    observer: Observer,
-    thrust: f64,
-    place: usize,
-}
-
-/// Bank of observers. A bank of one has no weights.
+/// Bank of observers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ObserverBank {
-    models: Vec<BankObserver>,
-    /// Likelihood of innovations: of the twist, linear and angular; of joints' coordinates and rates.
-    likelihood: Likelihood<4>,
+    /// Innovations: of the twist, linear and angular; of joints' coordinates and rates.
+    bank: Bank<4>,
+    /// Each with its place in a row of memory.
+    observers: Vec<(Observer, usize)>,
 }
 
 impl ObserverBank {
-    /// For models by their gains, in ascending order of delay, and their factors on the thrust; for a checked scene that is
-    /// measured and acted on every `period` s. `likelihood` is for several models.
-    pub fn new(given: &[(FeedbackGains, f64)], likelihood: Likelihood<4>, scene: &Scene, period: f64) -> Self {
-        let mut place = if given.len() > 1 { given.len() } else { 0 };
-        let mut models: Vec<BankObserver> = Vec::with_capacity(given.len());
-        for (gains, thrust) in given {
-            let observer = match models.last() {
-                Some(last) if last.observer.delay() == gains.observer.delay => last.observer.clone(),
+    /// For gains by model, and a checked scene that is measured and acted on every `period` s.
+    pub fn new(bank: Bank<4>, gains: &[FeedbackGains], scene: &Scene, period: f64) -> Self {
+        let (mut place, mut observers): (_, Vec<(Observer, usize)>) = (bank.weights(), Vec::new());
+        for gains in gains {
+            let observer = match observers.last() {
+                Some((last, _)) if last.delay() == gains.observer.delay => last.clone(),
                 _ => Observer::new(gains.observer, gains.prediction_horizon, scene, period),
             };
             let width = observer.memory();
-            models.push(BankObserver { observer, thrust: *thrust, place });
+            observers.push((observer, place));
             place += width;
         }
-        Self { models, likelihood }
+        Self { bank, observers }
     }
 
-    /// Number of models.
     pub fn len(&self) -> usize {
-        self.models.len()
+        self.observers.len()
     }
 
-    /// The model with the maximum delay.
-    fn last(&self) -> &BankObserver {
-        &self.models[self.models.len() - 1]
+    /// Observer with the maximum delay, and its place in a row of memory.
+    fn last(&self) -> &(Observer, usize) {
+        &self.observers[self.len() - 1]
     }
 
     /// Observer with the maximum delay.
     pub fn observer(&self) -> &Observer {
-        &self.last().observer
+        &self.last().0
     }
 
     /// Numbers of memory per instance.
     pub fn memory(&self) -> usize {
-        self.last().place + self.observer().memory()
+        let (observer, place) = self.last();
+        place + observer.memory()
     }
 
     /// Names and lengths of the blocks of memory.
@@ -138,25 +127,25 @@ impl ObserverBank {
     pub fn observe<L: Lane<Real = f64>>(
         &self,
         k: usize,
-        measured: &Measurement<L>,
+        measured: &MeasuredMotion<L>,
         memory: &mut [L],
         scratch: &mut Scratch<L>,
-    ) -> Estimate<L> {
-        let BankObserver { observer, place, .. } = &self.models[k];
+    ) -> ObserverEstimate<L> {
+        let (observer, place) = &self.observers[k];
         let estimate = observer.observe(measured, &mut memory[*place..][..observer.memory()], scratch);
         if self.len() > 1 {
-            let predicted =
-                L::c(self.observer().delay() as f64).lt(self.observer().periods(&memory[self.last().place..]));
+            let (last, place) = self.last();
+            let predicted = L::c(self.bank.delay() as f64).lt(last.periods(&memory[*place..]));
             let gain = L::select(predicted, self.log_likelihood(&estimate, observer.model().joints()), L::zero());
-            self.likelihood.update(&mut memory[k], gain);
+            self.bank.update(&mut memory[k], gain);
         }
         estimate
     }
 
     /// Log-likelihood of innovations, up to what all models share.
     #[inline(always)]
-    fn log_likelihood<L: Lane<Real = f64>>(&self, at: &Estimate<L>, joints: usize) -> L {
-        let [linear, angular, coordinate, rate] = self.likelihood.precision;
+    fn log_likelihood<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>, joints: usize) -> L {
+        let [linear, angular, coordinate, rate] = self.bank.precision;
         let Vector6 { linear: v, angular: w } = at.innovation;
         let ArmState { q, qd } = at.arm_innovation;
         let mut sum = v.dot(v).mul_add(L::c(linear), w.dot(w) * L::c(angular));
@@ -178,17 +167,17 @@ impl ObserverBank {
         for k in 0..self.len() {
             let weight = exp(memory[k]);
             total += weight;
-            sum = wrenches[k].scale_add(weight * L::c(1.0 / self.models[k].thrust), sum);
+            sum = wrenches[k].scale_add(weight * L::c(1.0 / self.bank.models[k].thrust), sum);
         }
         sum.scale(L::c(1.0) / total)
     }
 
     /// Stores the commanded wrench and the arm's reference.
     #[inline(always)]
-    pub fn remember<L: Lane<Real = f64>>(&self, measured: &Measurement<L>, command: Vector6<L>, memory: &mut [L]) {
-        for BankObserver { observer, thrust, place } in &self.models {
+    pub fn remember<L: Lane<Real = f64>>(&self, measured: &MeasuredMotion<L>, command: Vector6<L>, memory: &mut [L]) {
+        for (k, (observer, place)) in self.observers.iter().enumerate() {
             let memory = &mut memory[*place..][..observer.memory()];
-            observer.remember(measured, command.scale(L::c(*thrust)), memory);
+            observer.remember(measured, command.scale(L::c(self.bank.models[k].thrust)), memory);
         }
     }
 }

@@ -57,11 +57,6 @@ impl PlanLayout {
         15 + 2 * self.joints
     }
 
-    /// Entry `k` of the wrench per input.
-    pub fn wrench(&self, k: usize, input: usize) -> f64 {
-        if input < self.thrusts.count() { self.thrusts.wrench[(k, input)] } else { 0.0 }
-    }
-
     /// Wrench and torques of inputs.
     pub fn effort(&self, inputs: &DVector<f64>) -> Velocities {
         let (mut effort, count) = (Velocities::zeros(), self.thrusts.count());
@@ -79,7 +74,7 @@ impl PlanLayout {
 }
 
 /// The nominal model from the present on.
-pub struct ArmModel<'a> {
+pub struct TrackingModel<'a> {
     /// Entries of states and inputs.
     pub layout: &'a PlanLayout,
     /// The model.
@@ -92,7 +87,7 @@ pub struct ArmModel<'a> {
     pub(super) rates: &'a [Vector6<f64>],
 }
 
-impl ArmModel<'_> {
+impl TrackingModel<'_> {
     /// The present state.
     pub fn present(&self) -> DVector<f64> {
         self.pack(&self.estimate.now, &self.estimate.wrench)
@@ -188,7 +183,7 @@ impl ArmModel<'_> {
     }
 }
 
-impl PlanModel for ArmModel<'_> {
+impl PlanModel for TrackingModel<'_> {
     fn step(&self, knot: usize, x: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64> {
         let from = self.unpack(knot, x);
         self.advance(&self.bank.predictor.equations(self.model, &from.0), from, inputs)

@@ -2,36 +2,26 @@
 
 use nalgebra::Vector6;
 
-use super::gains::ResolvedMotionGains;
 use super::predictor::Predictor;
 use super::reading::TrackingState;
-use crate::control::ActionMap;
+use crate::control::bank::{Bank, BankModel, normalise};
 use crate::control::equations::{Equations, Velocities};
-use crate::control::likelihood::{Likelihood, normalise};
 use crate::control::nominal_model::NominalModel;
 use crate::lane::exp;
 
 /// Log weight, relative to the maximum, below which a model is ignored: its present is not predicted.
 const NEGLIGIBLE: f64 = -7.0;
 
-/// Delay of measurements in control periods, and factor on the commanded wrench.
-struct BankModel {
-    delay: usize,
-    thrust: f64,
-}
-
-/// Models with a state each. A bank of one has no weights.
+/// Models with a state each.
 ///
 /// Terms of the equations of motion are evaluated along the prediction of the likeliest model, and serve all of them:
 /// configurations are measured, and equal; velocities differ by corrections.
 pub(in crate::control) struct MotionBank {
+    /// Innovations: linear and angular velocities, rates of joints.
+    bank: Bank<3>,
     pub predictor: Predictor,
-    models: Vec<BankModel>,
     /// Velocities of vehicle and joints.
     size: usize,
-    /// Maximum delay.
-    delay: usize,
-    likelihood: Likelihood<3>,
 }
 
 /// Estimate under one model.
@@ -62,11 +52,6 @@ pub(in crate::control) struct MotionEstimates {
 }
 
 impl MotionEstimates {
-    /// The likeliest model's present.
-    pub fn now(&self) -> &TrackingState {
-        &self.models[self.leader].now
-    }
-
     /// The likeliest model's estimate, and the terms at its present.
     pub fn likeliest(&self) -> (&MotionEstimate, &Equations) {
         let estimate = &self.models[self.leader];
@@ -74,39 +59,9 @@ impl MotionEstimates {
     }
 }
 
-/// Parts of a row of memory.
-struct Memory<'a> {
-    /// Logarithms of weights; none for one model.
-    logs: &'a mut [f64],
-    /// Periods so far, at most one more than the maximum delay.
-    periods: &'a mut f64,
-    /// nu-, d and the wrench of the thrusters, per model.
-    states: &'a mut [f64],
-    /// Commanded efforts, the latest first.
-    efforts: &'a mut [f64],
-}
-
 impl MotionBank {
-    /// For models by their gains and factors on the thrust; `likelihood` is for several.
-    pub fn new(
-        models: &[(ResolvedMotionGains, f64)],
-        likelihood: Likelihood<3>,
-        model: &NominalModel,
-        actions: &ActionMap,
-        period: f64,
-    ) -> Self {
-        Self {
-            predictor: Predictor::new(&models[0].0, model, actions, period),
-            size: 6 + actions.torques().len(),
-            delay: models.iter().map(|(gains, _)| gains.delay).max().unwrap_or(0),
-            models: models.iter().map(|(gains, thrust)| BankModel { delay: gains.delay, thrust: *thrust }).collect(),
-            likelihood,
-        }
-    }
-
-    /// Number of weights.
-    fn weights(&self) -> usize {
-        if self.models.len() > 1 { self.models.len() } else { 0 }
+    pub fn new(bank: Bank<3>, predictor: Predictor) -> Self {
+        Self { bank, size: predictor.size, predictor }
     }
 
     /// Numbers of memory of a model.
@@ -116,34 +71,36 @@ impl MotionBank {
 
     /// Numbers of memory per instance.
     pub fn memory(&self) -> usize {
-        self.weights() + 1 + self.models.len() * self.width() + self.delay * self.size
+        self.bank.weights() + 1 + self.bank.models.len() * self.width() + self.bank.delay() * self.size
     }
 
     /// Names and lengths of the blocks of memory.
     pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
-        let (n, efforts) = (self.size, ("efforts", self.delay * self.size));
-        match self.models.len() {
+        let (n, efforts) = (self.size, ("efforts", self.bank.delay() * self.size));
+        match self.bank.models.len() {
             1 => vec![("periods", 1), ("velocity", n), ("disturbance", n), ("thrust", 6), efforts],
             k => vec![("log_weights", k), ("periods", 1), ("models", k * self.width()), efforts],
         }
     }
 
-    fn split<'a>(&self, memory: &'a mut [f64]) -> Memory<'a> {
-        let (logs, memory) = memory.split_at_mut(self.weights());
+    /// Parts of a row of memory: logarithms of weights; control periods so far, at most one more than the maximum delay; nu-, d
+    /// and the wrench of the thrusters, per model; commanded efforts, the latest first.
+    fn split<'a>(&self, memory: &'a mut [f64]) -> [&'a mut [f64]; 4] {
+        let (logs, memory) = memory.split_at_mut(self.bank.weights());
         let (periods, memory) = memory.split_at_mut(1);
-        let (states, efforts) = memory.split_at_mut(self.models.len() * self.width());
-        Memory { logs, periods: &mut periods[0], states, efforts }
+        let (states, efforts) = memory.split_at_mut(self.bank.models.len() * self.width());
+        [logs, periods, states, efforts]
     }
 
     /// Updates estimates and weights by a measurement, and predicts from its instant to the present.
     pub fn estimate(&self, model: &NominalModel, measured: &TrackingState, memory: &mut [f64]) -> MotionEstimates {
-        let Memory { logs, periods, states, efforts } = self.split(memory);
-        let periods = *periods as usize;
-        let mut models: Vec<MotionEstimate> = (self.models.iter().zip(states.chunks_exact(self.width())))
+        let [logs, periods, states, efforts] = self.split(memory);
+        let periods = periods[0] as usize;
+        let mut models: Vec<MotionEstimate> = (self.bank.models.iter().zip(states.chunks_exact(self.width())))
             .map(|(BankModel { delay, .. }, state)| self.correct(measured, state, *delay, periods))
             .collect();
         let leader = likeliest(logs);
-        let mut terms = Vec::with_capacity(1 + self.delay);
+        let mut terms = Vec::with_capacity(1 + self.bank.delay());
         terms.push(self.predictor.equations(model, &models[leader].now));
         for (estimate, state) in models.iter_mut().zip(states.chunks_exact_mut(self.width())) {
             let disturbance = &mut state[self.size..][..self.size];
@@ -152,7 +109,7 @@ impl MotionBank {
             }
             estimate.disturbance = padded(disturbance);
         }
-        if periods > self.delay && !logs.is_empty() {
+        if periods > self.bank.delay() && !logs.is_empty() {
             self.weigh(&mut models, logs);
         }
         let efforts: Vec<Velocities> = efforts.chunks_exact(self.size).map(padded).collect();
@@ -178,11 +135,11 @@ impl MotionBank {
 
     /// Updates the weights by the innovations.
     fn weigh(&self, models: &mut [MotionEstimate], logs: &mut [f64]) {
-        let [linear, angular, joints] = self.likelihood.precision;
+        let [linear, angular, joints] = self.bank.precision;
         for (log, innovation) in logs.iter_mut().zip(models.iter().filter_map(|estimate| estimate.innovation)) {
             let square = |from: usize, count: usize| innovation.rows(from, count).norm_squared();
             let sum = linear * square(0, 3) + angular * square(3, 3) + joints * square(6, self.size - 6);
-            self.likelihood.update(log, -sum);
+            self.bank.update(log, -sum);
         }
         normalise(logs);
         for (estimate, log) in models.iter_mut().zip(logs.iter()) {
@@ -204,7 +161,7 @@ impl MotionBank {
         let steps = if leads || estimate.weight > 0.0 { estimate.past } else { estimate.past.min(1) };
         for step in 0..steps {
             let before = estimate.past - 1 - step;
-            let effort = self.models[k].scale(&efforts[before]);
+            let effort = self.scale(k, &efforts[before]);
             let MotionEstimate { now, wrench, disturbance, .. } = &mut *estimate;
             let terms_now = &terms[step.min(terms.len() - 1)];
             self.predictor.advance(terms_now, (now, wrench), [&effort, disturbance], before as f64 + 0.5);
@@ -229,7 +186,7 @@ impl MotionBank {
         for (k, estimate) in estimates.models.iter().enumerate().filter(|(_, estimate)| estimate.weight > 0.0) {
             let mut effort = law(k, &estimate.now, &estimates.terms[estimate.terms]) - estimate.disturbance;
             self.predictor.compensate_lag(&estimate.wrench, &mut effort);
-            effort.fixed_rows_mut::<6>(0).unscale_mut(self.models[k].thrust);
+            effort.fixed_rows_mut::<6>(0).unscale_mut(self.bank.models[k].thrust);
             sum += effort * estimate.weight;
             total += estimate.weight;
         }
@@ -238,34 +195,32 @@ impl MotionBank {
 
     /// Stores the commanded effort, and the predictions of the next measurement.
     pub fn remember(&self, estimates: MotionEstimates, effort: &Velocities, memory: &mut [f64]) {
-        let (size, Memory { periods, states, efforts, .. }) = (self.size, self.split(memory));
+        let (size, delay, [_, periods, states, efforts]) = (self.size, self.bank.delay(), self.split(memory));
         let MotionEstimates { models, terms, .. } = estimates;
-        for ((model, estimate), state) in self.models.iter().zip(models).zip(states.chunks_exact_mut(self.width())) {
+        for (k, (estimate, state)) in models.into_iter().zip(states.chunks_exact_mut(self.width())).enumerate() {
             let MotionEstimate { mut now, mut wrench, disturbance, next, terms: at, .. } = estimate;
             let (predicted, wrench) = next.unwrap_or_else(|| {
-                let effort = model.scale(effort);
+                let effort = self.scale(k, effort);
                 self.predictor.advance(&terms[at], (&mut now, &mut wrench), [&effort, &disturbance], 0.0);
                 (now.velocities, wrench)
             });
             state[..size].copy_from_slice(&predicted.as_slice()[..size]);
             // The next measurement is of a later time than this one.
-            if *periods as usize >= model.delay {
+            if periods[0] as usize >= self.bank.models[k].delay {
                 state[2 * size..].copy_from_slice(wrench.as_slice());
             }
         }
-        *periods = (*periods + 1.0).min((self.delay + 1) as f64);
-        if self.delay > 0 {
-            efforts.copy_within(..(self.delay - 1) * size, size);
+        periods[0] = (periods[0] + 1.0).min((delay + 1) as f64);
+        if delay > 0 {
+            efforts.copy_within(..(delay - 1) * size, size);
             efforts[..size].copy_from_slice(&effort.as_slice()[..size]);
         }
     }
-}
 
-impl BankModel {
-    /// Effort with the model's factor on the wrench.
-    fn scale(&self, effort: &Velocities) -> Velocities {
+    /// Effort with a model's factor on the wrench.
+    fn scale(&self, k: usize, effort: &Velocities) -> Velocities {
         let mut scaled = *effort;
-        scaled.fixed_rows_mut::<6>(0).scale_mut(self.thrust);
+        scaled.fixed_rows_mut::<6>(0).scale_mut(self.bank.models[k].thrust);
         scaled
     }
 }
