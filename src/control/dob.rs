@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::kalman::WaveTransition;
 use super::observer::{Observer, ObserverEstimate, ObserverGains};
-use super::pd::feedback;
 use crate::description::VehicleServo;
 use crate::dynamics::CompositeBody;
 use crate::lane::Lane;
@@ -35,8 +34,7 @@ impl FeedbackGains {
 /// observed disturbance d.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Dob {
-    kp: [f64; 6],
-    kd: [f64; 6],
+    servo: VehicleServo,
     /// Transition of the waves from now to when a command acts.
     wave: WaveTransition,
 }
@@ -45,12 +43,8 @@ impl Dob {
     pub fn new(gains: &FeedbackGains, observer: &Observer) -> Self {
         // A command acts half a period and a lag later.
         let time = 0.5 * observer.period() + observer.model().lag();
-        Self { kp: gains.kp, kd: gains.kd, wave: WaveTransition::over(gains.observer.wave_frequency, time) }
-    }
-
-    #[inline(always)]
-    fn feedback<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>) -> Vector6<L> {
-        feedback(&self.kp, &self.kd, &at.motion.error, &at.motion.twist)
+        let servo = VehicleServo { kp: gains.kp, kd: gains.kd };
+        Self { servo, wave: WaveTransition::over(gains.observer.wave_frequency, time) }
     }
 
     /// Disturbance when the command acts.
@@ -63,7 +57,7 @@ impl Dob {
     /// Wrench for an estimate and the composite body at it.
     #[inline(always)]
     pub fn wrench<L: Lane<Real = f64>>(&self, at: &ObserverEstimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
-        self.feedback(at) - body.force - self.disturbance(at)
+        self.servo.feedback(&at.motion) - body.force - self.disturbance(at)
     }
 
     /// Computed torque `F = M a + (h(q^+, q'^+) - h(q, q')) / T + V x* h - f - d` with `a = -kp e - kd V`, and the momentum h at
@@ -77,7 +71,8 @@ impl Dob {
         period: f64,
     ) -> Vector6<L> {
         let steady = now.momentum_transport(at.motion.twist) - now.force - self.disturbance(at);
-        let wrench = now.momentum.scale_add(L::c(-1.0 / period), now.inertia.apply(self.feedback(at)) + steady);
+        let wrench =
+            now.momentum.scale_add(L::c(-1.0 / period), now.inertia.apply(self.servo.feedback(&at.motion)) + steady);
         next.momentum.scale_add(L::c(1.0 / period), wrench)
     }
 }

@@ -6,6 +6,7 @@ use nalgebra as na;
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
 use super::nominal_model::NominalModel;
+use super::observer::load;
 use crate::dynamics::aba::{Scratch, link_twists};
 use crate::dynamics::{implicit_joint_torque, inverse_dynamics};
 use crate::lane::{Function, Lane, differentiate, inverse_sqrt};
@@ -145,9 +146,8 @@ impl Function<STATE, 6> for EffectorTwist<'_> {
 /// Joint coordinates of an argument, and the twist and joint rates, or their rates, from place `at` on.
 #[inline(always)]
 fn motion<L: Lane>(x: &[L], at: usize) -> ([L; JOINTS], Vector6<L>, [L; JOINTS]) {
-    let (mut q, mut qd, mut twist) = ([L::zero(); JOINTS], [L::zero(); JOINTS], [L::zero(); 6]);
+    let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
     q.copy_from_slice(&x[Q..VELOCITY]);
-    twist.copy_from_slice(&x[at..at + 6]);
     qd.copy_from_slice(&x[at + 6..at + VELOCITIES]);
-    (q, Vector6::from_array(twist), qd)
+    (q, load(x, at), qd)
 }

@@ -338,16 +338,16 @@ impl Observer {
     }
 }
 
-/// Six numbers of memory.
+/// Six numbers from a place on.
 #[inline(always)]
-fn load<L: Lane>(memory: &[L], place: usize) -> Vector6<L> {
+pub(super) fn load<L: Lane>(memory: &[L], place: usize) -> Vector6<L> {
     let mut all = [L::zero(); 6];
     all.copy_from_slice(&memory[place..place + 6]);
     Vector6::from_array(all)
 }
 
 #[inline(always)]
-fn store<L: Lane>(memory: &mut [L], place: usize, x: Vector6<L>) {
+pub(super) fn store<L: Lane>(memory: &mut [L], place: usize, x: Vector6<L>) {
     memory[place..place + 6].copy_from_slice(&x.to_array());
 }
 

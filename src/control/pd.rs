@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::ActionMap;
 use super::controller::{Controller, Widths};
 use super::indices::ObservationIndices;
+use super::nominal_model::VehicleMotion;
 use crate::description::VehicleServo;
 use crate::error::ControlError;
 use crate::lane::Lane;
@@ -43,10 +44,10 @@ impl Default for DockPdGains {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pd {
     indices: ObservationIndices,
-    gains: VehicleServo,
+    pub(super) gains: VehicleServo,
     /// Maximum linear and angular speed of approach, m/s and rad/s.
     speeds: Option<[f64; 2]>,
-    actions: ActionMap,
+    pub(super) actions: ActionMap,
 }
 
 impl Pd {
@@ -63,21 +64,10 @@ impl Pd {
         Self { speeds: Some([approach_speed, turn_speed]), ..Self::new(indices, VehicleServo { kp, kd }, actions) }
     }
 
-    /// Meaning of its actions.
-    pub(super) fn actions(&self) -> &ActionMap {
-        &self.actions
-    }
-
     /// Pose error (m, rad) at one row of observations.
     #[inline(always)]
     pub(super) fn error(&self, observation: &[f32]) -> [f64; 6] {
         self.indices.error.six(observation)
-    }
-
-    /// `-kp e - kd V` in lanes.
-    #[inline(always)]
-    pub(super) fn feedback<L: Lane<Real = f64>>(&self, error: &Vector6<L>, twist: &Vector6<L>) -> Vector6<L> {
-        feedback(&self.gains.kp, &self.gains.kd, error, twist)
     }
 
     /// Body wrench (N, N m) at one row of observations.
@@ -97,20 +87,17 @@ impl Pd {
     }
 }
 
-/// `-kp e - kd V` in lanes.
-#[inline(always)]
-pub(super) fn feedback<L: Lane<Real = f64>>(
-    kp: &[f64; 6],
-    kd: &[f64; 6],
-    error: &Vector6<L>,
-    twist: &Vector6<L>,
-) -> Vector6<L> {
-    let (error, twist, mut wrench) = (error.to_array(), twist.to_array(), [L::zero(); 6]);
-    for k in 0..6 {
-        let damped = L::c(kd[k]) * twist[k];
-        wrench[k] = -L::c(kp[k]).mul_add(error[k], damped);
+impl VehicleServo {
+    /// `-kp e - kd V`
+    #[inline(always)]
+    pub(super) fn feedback<L: Lane<Real = f64>>(&self, motion: &VehicleMotion<L>) -> Vector6<L> {
+        let (error, twist, mut wrench) = (motion.error.to_array(), motion.twist.to_array(), [L::zero(); 6]);
+        for k in 0..6 {
+            let damped = L::c(self.kd[k]) * twist[k];
+            wrench[k] = -L::c(self.kp[k]).mul_add(error[k], damped);
+        }
+        Vector6::from_array(wrench)
     }
-    Vector6::from_array(wrench)
 }
 
 impl Controller for Pd {

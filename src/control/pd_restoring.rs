@@ -40,8 +40,7 @@ impl LaneLaw for PdRestoring {
         let arm = ArmState { qd: [L::zero(); JOINTS], ..measured.arm };
         let at_rest = VehicleMotion { twist: Vector6::zero(), ..measured.motion };
         let force = self.model.composite_body(&at_rest, &arm, &mut work.scratch).force;
-        let feedback = self.pd.feedback(&measured.motion.error, &measured.motion.twist);
-        write_actions(self.pd.actions(), feedback - force, actions);
+        write_actions(&self.pd.actions, self.pd.gains.feedback(&measured.motion) - force, actions);
     }
 }
 

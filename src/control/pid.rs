@@ -71,7 +71,7 @@ impl LaneLaw for Pid {
         actions: &mut [f32],
         _: &mut Work<L>,
     ) {
-        let (map, Widths { observation, action: width, .. }) = (self.pd.actions(), self.widths());
+        let (map, Widths { observation, action: width, .. }) = (&self.pd.actions, self.widths());
         let limits = map.allocation().wrench_limits();
         for row in 0..observations.len() / observation {
             let observation = &observations[row * observation..][..observation];

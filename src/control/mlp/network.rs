@@ -127,15 +127,10 @@ impl Network {
                 finite(tensor, values)?;
             }
             let minimum = variance.iter().copied().fold(f32::INFINITY, f32::min) + epsilon;
-            if !(minimum > 0.0 && minimum.is_finite()) {
-                return Err(PolicyError::Number {
-                    name: "variance + epsilon",
-                    value: minimum,
-                    rule: "positive and finite",
-                });
-            }
-            if !(*clip > 0.0 && clip.is_finite()) {
-                return Err(PolicyError::Number { name: "clip", value: *clip, rule: "positive and finite" });
+            for (name, value) in [("variance + epsilon", minimum), ("clip", *clip)] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return Err(PolicyError::Number { name, value, rule: "positive and finite" });
+                }
             }
         }
         Ok(())

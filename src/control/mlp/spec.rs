@@ -38,17 +38,14 @@ impl PolicySpec {
         let period = |spec: &Self| format!("{:.9} s", spec.control_period);
         let blocks = self.observation.len().max(environment.observation.len());
         let different = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));
+        let [own, other] = different.map_or_else(Default::default, |i| [self, environment].map(|spec| block(spec, i)));
         let pairs = [
             ("task", self.task.clone(), environment.task.clone()),
             ("scene", self.scene.clone(), environment.scene.clone()),
             ("action", self.action.name().into(), environment.action.name().into()),
             ("number of actions", self.actions.to_string(), environment.actions.to_string()),
             ("control period", period(self), period(environment)),
-            (
-                "observation",
-                different.map_or_else(String::new, |i| block(self, i)),
-                different.map_or_else(String::new, |i| block(environment, i)),
-            ),
+            ("observation", own, other),
         ];
         match pairs.into_iter().find(|(_, own, other)| own != other) {
             None => Ok(()),

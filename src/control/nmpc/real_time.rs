@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, cost_to_go, solve};
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
 
 /// Discrete model of the controlled system over a plan's control periods.
 pub trait PlanModel {
@@ -13,20 +13,10 @@ pub trait PlanModel {
 /// Quadratic cost of each knot, `(z - target)^T hessian (z - target) / 2` in `z = [state; inputs]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// Hessian of a knot.
+    /// Hessian of a knot: of squared weighted residuals.
     pub hessian: DMatrix<f64>,
-    /// Hessian of the state after the last one.
+    /// Hessian of the state after the last one: in station keeping the cost of linear feedback from there on, without limits.
     pub end: DMatrix<f64>,
-}
-
-impl Cost {
-    /// By weighted residuals `roots z`; its end is the cost of linear feedback from there on, without limits, for
-    /// linear dynamics `x' = dynamics z`.
-    pub fn new(roots: &DMatrix<f64>, dynamics: &DMatrix<f64>) -> Self {
-        let hessian = roots.tr_mul(roots);
-        let end = cost_to_go(&hessian, dynamics);
-        Self { hessian, end }
-    }
 }
 
 /// Plan from the present state: inputs of each control period, and their problem.
