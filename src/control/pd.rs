@@ -101,6 +101,7 @@ impl VehicleServo {
 }
 
 impl Controller for Pd {
+    #[inline(always)]
     fn widths(&self) -> Widths {
         Widths { observation: self.indices.width, memory: 0, action: self.actions.len() }
     }

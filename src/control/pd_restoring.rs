@@ -45,6 +45,7 @@ impl LaneLaw for PdRestoring {
 }
 
 impl Controller for PdRestoring {
+    #[inline(always)]
     fn widths(&self) -> Widths {
         self.pd.widths()
     }

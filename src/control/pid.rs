@@ -94,6 +94,7 @@ impl LaneLaw for Pid {
 }
 
 impl Controller for Pid {
+    #[inline(always)]
     fn widths(&self) -> Widths {
         Widths { memory: 6, ..self.pd.widths() }
     }
