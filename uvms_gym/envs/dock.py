@@ -66,8 +66,8 @@ class DockEnv(TaskEnv):
     ## Description
     A free-floating vehicle with or without an arm starts 2 to 5 m in front of a dock on a moored platform. It is docked
     once it has stayed within the tolerances of the docking pose, at low speed relative to the dock, for the hold time.
-    The dock moves with a share of the orbital motion of the waves, and tilts with their slope; without waves it does
-    not move. The arm is stowed, or follows references under its servos. A steady current of random strength and
+    The dock follows a share of the water's motion in the waves, and tilts with their slope; without waves it does not
+    move. The arm is stowed, or follows references under its servos. A steady current of random strength and
     direction, or any other disturbance, acts on the vehicle. The physics is `uvms_gym.Simulator`.
 
     ## Action Space
@@ -113,9 +113,9 @@ class DockEnv(TaskEnv):
     change the weights.
 
     ## Starting State
-    The vehicle is at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about its -x axis, with the
-    dock's attitude up to a heading error of 0.3 rad, and joints are at home. In still water the docking pose is the
-    drawn target (by default the world origin, level).
+    The vehicle is at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about the dock's -x axis. Its
+    attitude is the dock's but for a heading error of up to 0.3 rad, and joints are at home. In still water
+    the docking pose is the target pose of the episode (by default the world origin, level).
 
     ## Episode End
     Termination: the run diverges (10 m from the dock, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint), or the first

@@ -49,10 +49,11 @@ class EETrackEnv(TaskEnv):
     A `Box(-1, 1, (a,), float32)` under the rules of `StationKeepEnv`.
 
     With `action="wrench"` (a = 6 + n) the first entries are a body wrench relative to its limits, as in
-    `StationKeepEnv`, and the others are joint torques. A torque of 1 is the smaller of two limits, so that light joints
-    do not diverge within a control period: the joint's effort limit; and twice the static torque of the worst pose,
-    plus the friction at 1 rad/s, plus the torque for 10 rad/s^2 (2 rad/s^2 with everything else fixed; times 0.25 m/rad
-    if prismatic). On `petasus-pum`:
+    `StationKeepEnv`, and the others are joint torques. An entry of 1 is the smaller of two torques, so that light
+    joints do not diverge within a control period. One is the joint's effort limit. The other is the sum of twice the
+    static torque of the worst pose, the friction at 1 rad/s, and the torque that accelerates the joint by 10 rad/s^2
+    while everything else may move (or by 2 rad/s^2 while everything else is fixed, if that is larger). For prismatic
+    joints 1 rad counts as 0.25 m. On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -103,8 +104,8 @@ class EETrackEnv(TaskEnv):
     the four weights.
 
     ## Starting State
-    The vehicle is at rest up to 0.05 m and 0.05 rad from the pose (by default the world origin, level) that has the end
-    effector on the reference. Joints are at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the
+    The vehicle is at rest up to 0.05 m and 0.05 rad from the pose that puts the end effector on the reference (by
+    default the world origin, level). Joints are at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the
     horizontal. The seed and the number of the episode since that seed determine all draws and the reference.
 
     ## Episode End

@@ -37,8 +37,8 @@ class StationKeepEnv(TaskEnv):
     are clipped. An action that is not finite, or has another shape, raises `ValueError` and changes nothing.
 
     With `action="wrench"` (a = 6) the entries are a body wrench relative to its limits. The limit of an axis is the
-    maximum that the thrusters can produce along this axis by itself. Thrusts are allocated by weighted least squares,
-    and all scaled down together where one would exceed its limit. On `petasus-pum`:
+    maximum that the thrusters can produce along it with nothing along the other axes. Thrusts are allocated by weighted
+    least squares, and all scaled down together where one would exceed its limit. On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -100,7 +100,7 @@ class StationKeepEnv(TaskEnv):
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
-    | `delay` | age of the measurements, one per episode | `time` (s, rounded to periods), `periods`; or `time` alone |
+    | `delay` | age of measurements, per episode | `time` (s, rounded to periods) plus `periods`; a number is `time` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
