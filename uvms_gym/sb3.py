@@ -292,9 +292,9 @@ class NativeVecEnv(VecEnv):
         return [None if pictures is None else pictures[i] for i in indices]
 
     def _snapshot_of(self, indices: list[int]) -> list[Simulator]:
-        whole = cast(Any, self.envs.unwrapped).snapshot()
-        (scene, _), options = whole.__getnewargs_ex__()
-        state = whole.__getstate__()
+        snapshot = cast(Any, self.envs.unwrapped).snapshot()
+        (scene, _), options = snapshot.__getnewargs_ex__()
+        state = snapshot.__getstate__()
         snapshots = []
         for i in indices:
             one = Simulator(scene, 1, **options)
@@ -307,10 +307,10 @@ class NativeVecEnv(VecEnv):
         return [{part: rows[i : i + 1].copy() for part, rows in state.items()} for i in indices]
 
     def _set_state_of(self, indices: list[int], state: Mapping[str, NDArray[Any]]) -> list[None]:
-        whole = cast(Any, self.envs.unwrapped).get_state()
-        for part, rows in whole.items():
+        states = cast(Any, self.envs.unwrapped).get_state()
+        for part, rows in states.items():
             rows[indices] = state[part]
-        cast(Any, self.envs.unwrapped).set_state(whole)
+        cast(Any, self.envs.unwrapped).set_state(states)
         return [None] * len(indices)
 
 

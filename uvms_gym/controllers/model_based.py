@@ -254,7 +254,8 @@ class ResolvedMotion(ClassicalController):
     posture_gain, levelling_gain : float or None
         Distance of the joints from home and tilt of the vehicle to their rates, 1/s. 0.5 by default.
     arm_weight : float or None
-        Mobility of the joints over the vehicle's: at 1 an arm of length 1 m takes as much of a motion. 2 by default.
+        Weight of the joints relative to the vehicle's: at 1 an arm of 1 m and the vehicle share a motion equally. 2 by
+        default.
     lag_compensation : float or None
         Share of the thrusters' nominal lag over a period that is compensated; only with `observer_bandwidth` or
         `delay`. 0 by default.

@@ -206,9 +206,9 @@ def _fit_balance(
     nominal = every.residuals(at, own)
 
     def matters(k: int) -> bool:
-        moved = at.copy()
-        moved[k] += 0.01 * every.deviations[k]
-        return bool(np.abs(every.residuals(moved, own) - nominal).max() > 1e-6)
+        displaced = at.copy()
+        displaced[k] += 0.01 * every.deviations[k]
+        return bool(np.abs(every.residuals(displaced, own) - nominal).max() > 1e-6)
 
     chosen = [p for k, p in enumerate(parameters) if matters(k)]
     if not chosen:

@@ -147,9 +147,9 @@ def _linearise(problem: Problem, point: _Point) -> _Model:
     for k in range(p):
         h = problem.differences[k]
         h = -h if point.common[k] + h > high[k] else h
-        moved = point.common.copy()
-        moved[k] += h
-        J[..., k] = (problem.residuals(moved, point.own) - point.residuals) / h
+        displaced = point.common.copy()
+        displaced[k] += h
+        J[..., k] = (problem.residuals(displaced, point.own) - point.residuals) / h
     for k in range(m):
         h = 0.1 * problem.own_deviations[k]
         own = point.own.copy()

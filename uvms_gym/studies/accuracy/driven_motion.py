@@ -87,12 +87,12 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     wrench = np.zeros((periods, episodes, 6)) if fixed else _wrenches(rng, simulator, periods)
     target = _references(rng, simulator, periods)
     servos = any("servo" in joint for joint in joints(scene))
-    whole = Motion(scene, LEAD, state, wrench, target, servos)
+    motion = Motion(scene, LEAD, state, wrench, target, servos)
     simulator.set_state(**state)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StepWarning)
         for i in range(leads):
-            simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
+            simulator.step(**motion.inputs(i), substeps=round(PERIOD / LEAD_STEP))
     if not np.isfinite(simulator.twist).all():
         raise ValueError(f"the motion is not finite by MK4 at {LEAD_STEP:g} s: the scene is too stiff")
     start = {name: getattr(simulator, name) for name in ("position", "quaternion", "twist", "q", "qd", "current")}

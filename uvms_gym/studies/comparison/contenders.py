@@ -129,14 +129,14 @@ def _run(
         rollout.run(steps, tick)
         parts.append(rollout.pop_stats())
     early, late = parts
-    whole = _sum(early, late)
-    # Episodes that end before the settled part have the whole's score for it; diverged ones never recover.
+    episode = _sum(early, late)
+    # Episodes that end before the settled part have the score of the whole episode there; diverged ones never recover.
     ended = late.steps == 0
-    whole.last["recovery_time"][whole.terminated] = condition.steps * period
+    episode.last["recovery_time"][episode.terminated] = condition.steps * period
     scores = {}
     for name, metric in METRICS.items():
-        scores[f"{name}/whole"] = metric.measure(whole)
-        if not metric.whole:
+        scores[f"{name}/whole"] = metric.measure(episode)
+        if not metric.whole_episode:
             scores[f"{name}/settled"] = np.where(ended, scores[f"{name}/whole"], metric.measure(late))
     return scores
 

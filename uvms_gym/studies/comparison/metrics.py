@@ -37,11 +37,11 @@ class Metric(NamedTuple):
         Factor from SI to the unit.
     error : bool
         True for errors: root mean squares over the steps.
-    less : bool
+    less_is_better : bool
         True where less is better.
     cut : float
         Share of episodes that the mean leaves out at either end.
-    whole : bool
+    whole_episode : bool
         True if defined for whole episodes only.
     """
 
@@ -50,9 +50,9 @@ class Metric(NamedTuple):
     measure: Callable[[RolloutStats], Floats]
     scale: float = 1.0
     error: bool = False
-    less: bool = True
+    less_is_better: bool = True
     cut: float = 0.25
-    whole: bool = False
+    whole_episode: bool = False
 
     @property
     def label(self) -> str:
@@ -62,7 +62,7 @@ class Metric(NamedTuple):
     @property
     def parts(self) -> tuple[str, ...]:
         """Parts of an episode with this measure."""
-        return PARTS[:1] if self.whole else PARTS
+        return PARTS[:1] if self.whole_episode else PARTS
 
 
 METRICS: dict[str, Metric] = {
@@ -73,10 +73,14 @@ METRICS: dict[str, Metric] = {
     "power": Metric("power", "%", methodcaller("mean", "power"), 1e2),
     "saturation": Metric("saturation", "%", methodcaller("mean", "saturation"), 1e2),
     "variation": Metric("variation", "1e-3", methodcaller("mean", "action_rate"), 1e3),
-    "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),
-    "within": Metric("in tolerance", "% of time", methodcaller("mean", "success"), 1e2, less=False),
-    "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
-    "diverged": Metric("diverged", "%", lambda stats: stats.terminated.astype(np.float64), 1e2, cut=0.0, whole=True),
+    "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole_episode=True),
+    "within": Metric("in tolerance", "% of time", methodcaller("mean", "success"), 1e2, less_is_better=False),
+    "success": Metric(
+        "success", "%", lambda stats: stats.last["success"], 1e2, less_is_better=False, cut=0.0, whole_episode=True
+    ),
+    "diverged": Metric(
+        "diverged", "%", lambda stats: stats.terminated.astype(np.float64), 1e2, cut=0.0, whole_episode=True
+    ),
 }
 #: Metric of the ranking, and its scores.
 HEADLINE, RANKED = "pose", "pose/whole"

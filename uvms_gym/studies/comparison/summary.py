@@ -175,7 +175,7 @@ def _ratios(mine: Mapping[str, _Statistics], theirs: Mapping[str, _Statistics]) 
             "p95_ratio": statistics.p95.over(theirs[key].p95).estimate(),
         }
         for key, statistics in mine.items()
-        if _metric(key).cut and _metric(key).less
+        if _metric(key).cut and _metric(key).less_is_better
     }
 
 

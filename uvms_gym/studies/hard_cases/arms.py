@@ -87,8 +87,8 @@ def _heavy_link() -> Case:
         # All frames are parallel at q = 0; the heavy body's twist is the light one's, shifted, plus the joint's.
         omega = twist[3:] + np.array([0.0, 0.0, joint_rate])
         at_hinge = twist[:3] + np.cross(twist[3:], light_arm)
-        moved = np.concatenate([at_hinge + np.cross(omega, heavy_arm), omega])
-        s.set_state(position=light_arm + heavy_arm, twist=moved, qd=[joint_rate])
+        heavy_twist = np.concatenate([at_hinge + np.cross(omega, heavy_arm), omega])
+        s.set_state(position=light_arm + heavy_arm, twist=heavy_twist, qd=[joint_rate])
         return runner.sampled(s, times, lambda s: pair(s, s.body_poses()[0][::-1], -light_arm, np.zeros(3)))
 
     @cache
