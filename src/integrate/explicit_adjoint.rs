@@ -3,7 +3,7 @@
 use super::Rates;
 use super::motion::Motion;
 use super::motion_adjoint::{
-    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StagePoint,
 };
 use super::recorder::SubInterval;
 use super::registry::Explicit;
@@ -98,7 +98,7 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ExplicitAdjoint<L, N> {
             }
         }
         for i in (0..count).rev() {
-            let at = StageState { start: &from.pose, theta: theta[i], twist: twist[i], q: &q[i], qd: &qd[i] };
+            let at = StagePoint { start: &from.pose, theta: theta[i], twist: twist[i], q: &q[i], qd: &qd[i] };
             let time = h.mul_add(L::c(tableau.c[i]), *elapsed);
             derivative.rates_adjoint(&at, (time, None), &stages.rates[i], &of_rates[i], of_stage);
             if i == 0 {

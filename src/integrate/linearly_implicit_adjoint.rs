@@ -4,7 +4,7 @@ use super::Rates;
 use super::linearly_implicit::{Point, extrapolation_weights};
 use super::motion::Motion;
 use super::motion_adjoint::{
-    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StagePoint,
 };
 use super::recorder::SubInterval;
 use super::registry::Implicit;
@@ -103,7 +103,7 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
                 let (point, rates) = (&points[k], &rates[first(parts) + k]);
                 of_point.advance_adjoint(size, rates, point, &points[k + 1], of_rates, n);
                 let Point { theta, twist, q, qd } = point;
-                let at = StageState { start: &from.pose, theta: *theta, twist: *twist, q, qd };
+                let at = StagePoint { start: &from.pose, theta: *theta, twist: *twist, q, qd };
                 let begin = size.mul_add(L::c(k as f64), *elapsed);
                 derivative.rates_adjoint(&at, (begin, Some(size)), rates, of_rates, of_stage);
                 let of_theta = of_stage.pose.pull_back(*theta, &from.pose, of_start);

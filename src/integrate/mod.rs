@@ -23,7 +23,7 @@ pub use linearly_implicit::{ImplicitStages, LinearlyImplicit, implicit_interval}
 pub use linearly_implicit_adjoint::ImplicitAdjoint;
 pub use motion::Motion;
 pub use motion_adjoint::{
-    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState,
+    DerivativeAdjoint, MethodAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StagePoint,
 };
 pub use recorder::{Recorder, StepRecord, SubInterval};
 pub use registry::{Explicit, Gains, Implicit, Integrator, IntegratorKind, NamedIntegrator};

@@ -75,7 +75,7 @@ impl<L: Lane> PoseCotangents<L> {
 
 /// Pose and velocities of a stage, for the adjoint of the right-hand side.
 #[derive(Debug, Clone, Copy)]
-pub struct StageState<'a, L, const N: usize> {
+pub struct StagePoint<'a, L, const N: usize> {
     /// Start of the step.
     pub start: &'a Pose<L>,
     /// Theta of the pose `T exp(theta)`.
@@ -119,7 +119,7 @@ pub trait DerivativeAdjoint<L: Lane, const N: usize> {
     /// methods the size of the solve that begins there.
     fn rates_adjoint(
         &mut self,
-        at: &StageState<L, N>,
+        at: &StagePoint<L, N>,
         when: (L, Option<L>),
         rates: &Rates<L, N>,
         of_rates: &Rates<L, N>,

@@ -6,14 +6,14 @@ use super::bounds::{POSITION_BOUND, bounded_length};
 use super::definition::{ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
 use super::episode::{RowAllocator, TaskRows};
 use super::model::TaskModel;
-use super::observation::{Layout, ObservationWriter, joint_entries};
+use super::observation::{ObservationLayout, ObservationWriter, joint_entries};
 use super::reference::{JointReference, JointReferenceRows};
 use crate::lane::{Lane, Rows};
 use crate::lie::rotation_angle;
 use crate::system::JOINTS;
 
 /// Appends the blocks of the joints' references.
-pub(super) fn push_blocks(model: &TaskModel, layout: &mut Layout) {
+pub(super) fn push_blocks(model: &TaskModel, layout: &mut ObservationLayout) {
     let [coordinates, rates] = joint_entries(&model.joints);
     let next = "reference at the next control instant, relative to home";
     layout.push("joint_reference", "rad or m", next, &coordinates);

@@ -12,7 +12,7 @@ use super::disturbance::{DisturbanceKernel, MEASURED};
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::metrics::{METRICS, Metrics, OWN_METRICS};
 use super::model::TaskModel;
-use super::observation::{Layout, ObservationWriter};
+use super::observation::{ObservationLayout, ObservationWriter};
 use super::options::TaskOptions;
 use super::pose::{Pose, PoseError, StageState};
 use super::random::Stream;
@@ -91,7 +91,7 @@ pub trait TaskDefinition:
     fn check(&self, start_distance: f64) -> Result<(), TaskError>;
 
     /// Appends the task's observation blocks, between the joint rates and the previous action: by default the joints' references.
-    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut Layout) {
+    fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut ObservationLayout) {
         arm_reference::push_blocks(model, layout);
     }
 

@@ -7,7 +7,7 @@ use super::definition::{BaseController, ControlInstant, EpisodeStart, Frame, Tas
 use super::disturbance::MEASURED;
 use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows, pose, set_pose};
 use super::model::TaskModel;
-use super::observation::{ERROR_SCALE, Layout, ObservationWriter, PREVIEW, TWIST, joint_bounds, six};
+use super::observation::{ERROR_SCALE, ObservationLayout, ObservationWriter, PREVIEW, TWIST, joint_bounds, six};
 use super::options::{TaskOptions, check_range};
 use super::path::{PATH, PathKind, draw_path, path_advance, path_point};
 use super::pose::PoseError;
@@ -86,7 +86,7 @@ impl TaskDefinition for EETrack {
         Ok(())
     }
 
-    fn layout(&self, _options: &TaskOptions, _model: &TaskModel, layout: &mut Layout) {
+    fn layout(&self, _options: &TaskOptions, _model: &TaskModel, layout: &mut ObservationLayout) {
         let Preview { points, spacing } = self.preview;
         let (speed, ahead) = (self.reference_speed, f64::from(points) * spacing);
         layout.push("reference_twist", "m/s and rad/s", "velocities of the reference, end-effector axes", &six(TWIST));

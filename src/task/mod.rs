@@ -42,7 +42,7 @@ pub use episode::{Episode, EpisodeRows};
 pub use gradient::{Acted, Evaluated, GradientWidths, TaskGradient};
 pub use kernel::Command;
 pub use metrics::{Evaluation, INFO, METRICS, Metrics, OWN_METRICS, Outcome};
-pub use observation::{Block, Layout, PREVIEW};
+pub use observation::{Block, ObservationLayout, PREVIEW};
 pub use options::{StartOverride, TaskOptions, Tolerance};
 pub use path::{PATH, PathKind, PathPoint, path_advance, path_places, path_point};
 pub use pose::{Pose, PoseError, StageState};

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::disturbance::{Disturbance, DisturbanceContext};
 use super::drives::JointDrives;
-use super::observation::Layout;
+use super::observation::ObservationLayout;
 use super::pose::Pose;
 use super::scene_draws::SceneDraws;
 use crate::control::ActionMap;
@@ -35,7 +35,7 @@ pub struct TaskModel {
     /// Constants of the scene for disturbances.
     pub context: DisturbanceContext,
     /// Entries of an observation.
-    pub layout: Layout,
+    pub layout: ObservationLayout,
 }
 
 impl TaskModel {

@@ -45,13 +45,13 @@ pub struct Block {
 
 /// Layout of an observation: blocks in order, without gaps.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Layout {
+pub struct ObservationLayout {
     blocks: Vec<Block>,
     scale: Vec<f64>,
     bound: Vec<f32>,
 }
 
-impl Layout {
+impl ObservationLayout {
     /// Appends a block with a (scale, maximum physical magnitude) per entry; without entries, nothing.
     pub fn push(&mut self, name: &'static str, unit: &'static str, description: &'static str, entries: &[(f64, f64)]) {
         if entries.is_empty() {
@@ -116,7 +116,7 @@ pub(super) fn joint_entries(joints: &[Joint]) -> [Vec<(f64, f64)>; 2] {
 }
 
 /// Maximum distance of each joint coordinate from home.
-pub(super) fn joint_bounds(layout: &Layout) -> Vec<f64> {
+pub(super) fn joint_bounds(layout: &ObservationLayout) -> Vec<f64> {
     let block = layout.block("joint_position");
     block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale)).collect()
 }

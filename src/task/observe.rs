@@ -6,7 +6,9 @@ use super::bounds::POSITION_BOUND;
 use super::definition::{ControlInstant, Frame, LEAK, TaskDefinition, TaskKernel};
 use super::disturbance::{MEASURED, SensorRows};
 use super::model::TaskModel;
-use super::observation::{INTEGRAL_SCALE, Layout, ObservationWriter, POSE_ERROR, TWIST, UNIT_BOUND, joint_entries};
+use super::observation::{
+    INTEGRAL_SCALE, ObservationLayout, ObservationWriter, POSE_ERROR, TWIST, UNIT_BOUND, joint_entries,
+};
 use super::options::TaskOptions;
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
@@ -15,7 +17,7 @@ use crate::lie::Vector3;
 const INVALID: f64 = 1e6;
 
 /// Layout of an observation of task `K`, in the order of [`ControlInstant::observe`].
-pub(super) fn layout<K: TaskDefinition>(task: &K, options: &TaskOptions, model: &TaskModel) -> Layout {
+pub(super) fn layout<K: TaskDefinition>(task: &K, options: &TaskOptions, model: &TaskModel) -> ObservationLayout {
     let [coordinates, rates] = joint_entries(&model.joints);
     let [position, attitude] = match K::FRAME {
         Frame::Vehicle => ["R^T (r - r_d), body axes", "rotation vector log(R_d^T R), body axes"],
@@ -23,7 +25,7 @@ pub(super) fn layout<K: TaskDefinition>(task: &K, options: &TaskOptions, model: 
             ["R_e^T (r_e - r_d), end-effector axes", "rotation vector log(R_d^T R_e), end-effector axes"]
         }
     };
-    let mut layout = Layout::default();
+    let mut layout = ObservationLayout::default();
     layout.push("position_error", "m", position, &[POSE_ERROR[0]; 3]);
     layout.push("attitude_error", "rad", attitude, &[POSE_ERROR[1]; 3]);
     let [(linear, linear_description), (angular, angular_description)] = K::TWIST;
@@ -43,7 +45,7 @@ pub(super) fn layout<K: TaskDefinition>(task: &K, options: &TaskOptions, model: 
 }
 
 impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
-    /// Writes the observation, entry by entry, each of all lanes: always finite and within [`Layout::bound`].
+    /// Writes the observation, entry by entry, each of all lanes: always finite and within [`ObservationLayout::bound`].
     #[inline(always)]
     pub fn observe(&self, entries: &mut [f32]) {
         self.observe_as(&self.measured(), entries);

@@ -12,7 +12,7 @@ use super::gradient::TaskGradient;
 use super::kernel::Command;
 use super::metrics::Outcome;
 use super::model::TaskModel;
-use super::observation::Layout;
+use super::observation::ObservationLayout;
 use super::observe::layout;
 use super::options::TaskOptions;
 use super::pose::{Pose, StageState};
@@ -114,7 +114,7 @@ impl Task {
     }
 
     /// Layout of an observation.
-    pub fn layout(&self) -> &Layout {
+    pub fn layout(&self) -> &ObservationLayout {
         &self.model.layout
     }
 
@@ -288,7 +288,7 @@ fn model<K: TaskDefinition>(scene: Scene, task: &K, options: &TaskOptions) -> Re
         level,
         disturbance,
         context,
-        layout: Layout::default(),
+        layout: ObservationLayout::default(),
         scene,
     };
     model.layout = layout(task, options, &model);

@@ -5,7 +5,7 @@ use crate::dynamics::aba::{ArmLoads, Instant};
 use crate::dynamics::aba_adjoint::{Accelerations, AdjointScratch, InstantCotangents, accelerations_adjoint};
 use crate::dynamics::aba_implicit::Ahead;
 use crate::hydro::{CourseCotangents, ThrustCotangents};
-use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StageState};
+use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StagePoint};
 use crate::lane::{Lane, Routine, unroll};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
 use crate::system::{Factors, JOINTS, UnscaledBodyTerms, VehicleServo};
@@ -151,14 +151,14 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
     #[inline(always)]
     fn rates_adjoint(
         &mut self,
-        at: &StageState<L, JOINTS>,
+        at: &StagePoint<L, JOINTS>,
         (begin, size): (L, Option<L>),
         rates: &Rates<L, JOINTS>,
         of_rates: &Rates<L, JOINTS>,
         of_stage: &mut StageCotangents<L, JOINTS>,
     ) {
         let system = self.equations.system;
-        let StageState { start, theta, twist, q, qd } = *at;
+        let StagePoint { start, theta, twist, q, qd } = *at;
         let elapsed = if let Some(h) = size { begin + h } else { begin };
         let gravity = to_body(start, theta, self.equations.gravity);
         let time = self.equations.time + elapsed;

@@ -4,7 +4,7 @@ use uvms_gym::task::observation::*;
 
 #[test]
 fn blocks_follow_each_other_without_gaps() {
-    let mut layout = Layout::default();
+    let mut layout = ObservationLayout::default();
     layout.push("a", "m", "", &[(0.5, 10.0), (2.0, 10.0)]);
     layout.push("nothing", "m", "", &[]);
     layout.push("b", "m", "", &[(1.0, 3.0); 3]);
