@@ -92,12 +92,13 @@ class TaskOptions:
         Name of a level, or components by name, as described for `StationKeepEnv`. None: a steady current.
     randomize : bool, float, dict or None
         Parameters drawn anew in every episode, with one factor for all bodies. `True`: factors of 0.7 to 1.3 on `mass`,
-        `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number: another share than
-        0.3. A dict: shares or ranges by name, also for `volume` (in addition to the factor on mass, so that a floating
-        body still floats) and `payload` (kg), and for any other number of the scene by its key, such as
-        `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, `[minimum, maximum]`, or two lists for a
-        list. `False` removes the randomization of the disturbance. Draws are uniform. References, observations and
-        rewards use the scene as given.
+        `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number such as 0.2: factors
+        of 0.8 to 1.2 on the same parameters. A dict: for each parameter a share such as 0.2, or the minimum and maximum
+        factor, such as `[0.8, 1.2]`. It may also have `volume` (its factor multiplies that of mass, so that a floating
+        body still floats), `payload` (maximum, or minimum and maximum, kg) and any other number of the scene by its
+        key, such as `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, or its minimum and maximum
+        (for a list two lists). `False` removes the randomization of the disturbance. Draws are uniform. References,
+        observations and rewards use the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], instead of the scene's.
     reward : dict or None
@@ -115,8 +116,9 @@ class TaskOptions:
     error_estimate : bool or None
         True: estimate the integration errors since the start of the episode in `info["error_estimate"]`, (6,): of
         position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end effector,
-        and their maximum relative to the motion (`Simulator.error_estimate`). Not in `final_info`. Steps take up to 3.3
-        times as long, 5.5 times in float32. None: estimate errors of few instances, for warnings only. False: of none.
+        and their maximum relative to the motion (`Simulator.error_estimate`). The `final_info` of a vector environment,
+        which describes the ends of episodes, does not contain it. Steps take up to 3.3 times as long, 5.5 times in
+        float32. None: estimate the errors of a few instances, for warnings only. False: estimate none.
     threads : int or None
         Maximum number of threads, >= 1; None: all. One instance never uses more than one.
     """

@@ -20,7 +20,7 @@ class DockOptions(TaskOptions, task="dock"):
     approach_cone : float
         Half angle of the cone in front of the dock where the vehicle starts, rad, in [0, pi/2].
     arm : {"stowed", "moving"}
-        Joints that stay at home, or follow references as in station keeping.
+        "stowed": the joints stay at home. "moving": they follow references as in station keeping.
     arm_amplitude : float
         Maximum amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     dock_sway : float
@@ -103,7 +103,7 @@ class DockEnv(TaskEnv):
     | 35-40 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
     | 41-46 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
 
-    `env.unwrapped.layout` has the same as data, for any scene.
+    `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v, relative thrusts u in [-1, 1] and
@@ -118,14 +118,16 @@ class DockEnv(TaskEnv):
     the docking pose is the target pose of the episode (by default the world origin, level).
 
     ## Episode End
-    Termination: the run diverges (10 m from the dock, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint), or the first
-    docking with `terminate_on_success`. Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
+    Termination: the run diverges, that is, the vehicle is 10 m from the dock, moves at 10 m/s or turns at 20 rad/s, or
+    a joint moves at 20 rad/s (if prismatic 20 m/s). With `terminate_on_success` the first docking also terminates the
+    episode. Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    The same keys as in `StationKeepEnv`; `success` is 1 from the first docking on, and `mean_success` and
-    `recovery_time` follow it. In addition `docked` (1 while docked), `time_to_dock` (s until the first docking; before
-    it the time so far), `approach_speed` (relative speed at the first crossing of `capture_distance`, m/s; 0 before it)
-    and `reward_docking` (the reward's terms for relative speed and for being docked).
+    The same keys as in `StationKeepEnv`. `success` is 1 from the first docking on, whether or not the vehicle stays
+    docked; `mean_success` is its mean, and `recovery_time` the time for which it has been 0. In addition `docked` (1
+    while docked), `time_to_dock` (s until the first docking; before it the time so far), `approach_speed` (relative
+    speed at the first crossing of `capture_distance`, m/s; 0 before it) and `reward_docking` (the reward's terms for
+    relative speed and for being docked).
 
     ## Arguments
     `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.

@@ -48,7 +48,7 @@ class EETrackEnv(TaskEnv):
     ## Action Space
     A `Box(-1, 1, (a,), float32)` under the rules of `StationKeepEnv`.
 
-    With `action="wrench"` (a = 6 + n) the first entries are a body wrench relative to its limits, as in
+    With `action="wrench"` (a = 6 + n, with n joints) the first entries are a body wrench relative to its limits, as in
     `StationKeepEnv`, and the others are joint torques. An entry of 1 is the smaller of two torques, so that light
     joints do not diverge within a control period. One is the joint's effort limit. The other is the sum of twice the
     static torque of the worst pose, the friction at 1 rad/s, and the torque that accelerates the joint by 10 rad/s^2
@@ -69,10 +69,10 @@ class EETrackEnv(TaskEnv):
     | 9 | wrist | -21.2 | 21.2 | N m |
     | 10 | gripper | -4.326 | 4.326 | N m |
 
-    With `action="thrusters"` (a = m + n) each of the first entries is a thrust relative to the thruster's limit in that
-    direction, in the order of the scene. With `action="residual"` (a = 6 + n) the action is a correction to the wrench
-    action of `uvms_gym.ResolvedMotion` on the same observation. An entry of 1 is `residual_scale` times the limit; the
-    sum is clipped to the limits.
+    With `action="thrusters"` (a = m + n, with m thrusters) each of the first entries is a thrust relative to the
+    thruster's limit in that direction, in the order of the scene. With `action="residual"` (a = 6 + n) the action is a
+    correction to the wrench action of `uvms_gym.ResolvedMotion` on the same observation. An entry of 1 is
+    `residual_scale` times the limit; the sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
@@ -104,13 +104,15 @@ class EETrackEnv(TaskEnv):
     the four weights.
 
     ## Starting State
-    The vehicle is at rest up to 0.05 m and 0.05 rad from the pose that puts the end effector on the reference (by
-    default the world origin, level). Joints are at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the
-    horizontal. The seed and the number of the episode since that seed determine all draws and the reference.
+    The vehicle is at rest up to 0.05 m and 0.05 rad from its target pose, at which the end effector is on the reference
+    (by default the vehicle is then level at the world origin). Joints are at home, and a current of 0 to 0.3 m/s flows
+    within 0.25 rad of the horizontal. The seed and the number of the episode since that seed determine all draws and
+    the reference.
 
     ## Episode End
-    Termination: the run diverges (the end effector 10 m from the reference, 10 m/s, 20 rad/s, 20 rad/s or m/s at a
-    joint, or a joint beyond its observed range). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
+    Termination: the run diverges, that is, the end effector is 10 m from the reference, the vehicle moves at 10 m/s or
+    turns at 20 rad/s, or a joint moves at 20 rad/s (if prismatic 20 m/s) or is beyond its observed range.
+    Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
     The same keys as in `StationKeepEnv`. `position_error`, `attitude_error` and `pose_error` are the end effector's,
@@ -118,8 +120,9 @@ class EETrackEnv(TaskEnv):
 
     ## Arguments
     `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`. The
-    drawn target is the vehicle's pose at the start. Noise and delay of the pose error apply to the end effector and,
-    alike, to the preview. The component `arm` of a disturbance has no effect.
+    target that `target_distance` and `target_heading` draw is the target pose of the vehicle at the start. Where the
+    disturbance has sensor noise or delay, they apply to the pose error of the end effector, and the errors in the
+    preview have the same measurement error. The component `arm` of a disturbance has no effect.
 
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
     vehicle's pose where the reference starts.

@@ -81,12 +81,13 @@ class StationKeepEnv(TaskEnv):
 
     ## Disturbances
     Without `disturbance` there is a steady current of up to `max_current`. The option may be the name of a level:
-    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"` or `"storm"` (all together). Every level
-    except calm also exists with `"-hard"`, stronger and with other shapes, for evaluation. The option may also be a
-    dict of components, each a dict of parameters, `True` for its defaults or `None` to remove it. Its key `base` names
-    a level that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number,
-    or a range `[minimum, maximum]` from which a value is drawn per episode or event. Shares are relative to the
-    vehicle's maximum thrust along its weakest axis. `uvms disturbances` lists and plots the levels.
+    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all together) or
+    `"storm-wide"` (with a vehicle whose parameters are poorly known). All but `"calm"` and `"storm-wide"` also exist
+    with the ending `"-hard"`, stronger and with other shapes, for evaluation. The option may also be a dict of
+    components, each a dict of parameters, `True` for its defaults or `None` to remove it. Its key `base` names a level
+    that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number, or a
+    range `[minimum, maximum]` from which a value is drawn per episode or event. Shares are relative to the vehicle's
+    maximum thrust along its weakest axis. `uvms disturbances` lists and plots the levels.
 
     | Component | Meaning | Parameters |
     | --------- | ------- | ---------- |
@@ -106,7 +107,7 @@ class StationKeepEnv(TaskEnv):
 
     A payload is carried at the end effector, without an arm at the vehicle's origin. Noise and delay apply to the
     errors, velocities and joints in observations, and to the integral of the errors. Rewards and infos use the true
-    state. `env.unwrapped.disturbance()` returns the coming disturbance.
+    state. `env.unwrapped.disturbance()` returns the disturbance over the control periods to come.
 
     ## Starting State
     The vehicle is at rest up to 0.05 m and 0.05 rad from the target (by default the world origin, level), joints and
@@ -114,23 +115,25 @@ class StationKeepEnv(TaskEnv):
     and the number of the episode since that seed determine all draws.
 
     ## Episode End
-    Termination: the run diverges (10 m from the target, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint).
+    Termination: the run diverges, that is, the vehicle is 10 m from the target, moves at 10 m/s or turns at 20 rad/s,
+    or a joint moves at 20 rad/s (if prismatic 20 m/s).
     Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
     `reset` and `step` return the same float keys:
 
-    - `position_error` (m), `attitude_error` (rad), the combined `pose_error` (m), and both errors of the end effector
-      relative to its pose by target and arm reference;
-    - `effort` (mean of u^2), `power` (mean of |u|^1.5) and `saturation` of the thrusters, and `action_rate` (mean
-      squared change of the action);
+    - `position_error` (m), `attitude_error` (rad) and the combined `pose_error` (m);
+    - `end_effector_position_error` (m) and `end_effector_attitude_error` (rad), relative to the pose that the end
+      effector would have with the vehicle at its target and the arm at its reference;
+    - `effort` (mean of u^2), `power` (mean of |u|^1.5) and `saturation` (share at their limit) of the thrusters, and
+      `action_rate` (mean squared change of the action);
     - root mean squares `rms_...` and means `mean_...` over the episode's steps so far;
     - `current_x`, `current_y`, `current_z` (m/s, world), and over the last period `disturbance_force`, the force of
       pushes, tether and script (N), `payload`, the carried mass (kg), and `thruster_gain`, the remaining share of the
       weakest thruster's thrust;
     - the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`;
     - `success`, 1 where both errors are within `tolerance`, else 0, and its mean `mean_success`; `recovery_time`, the
-      duration of the current or last departure from `tolerance`, s (the approach at the start counts as one); and
+      duration of the present or last departure from `tolerance`, s (the approach at the start counts as one); and
       `diverged`, 1 where the run has diverged, else 0.
 
     ## Arguments
