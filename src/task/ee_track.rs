@@ -65,7 +65,7 @@ impl TaskDefinition for EETrack {
 
     type Kernel<T: Real> = EETrackKernel<T>;
 
-    /// Divergence costs as much as 100 steps at a metre from the reference, so ending the episode early never pays.
+    /// Divergence costs as much as 90 steps at a metre from the reference, so ending the episode early seldom pays.
     fn defaults() -> TaskOptions {
         let options = TaskOptions::default();
         // Random actions throw the arm at its stops, which longer steps do not resolve.

@@ -69,7 +69,8 @@ class TaskOptions:
         Physics step, s, in (0, 1]; by default 0.01, in end-effector tracking 0.005. At 0.01 s the median error at the
         end effector after 10 s of driven motion is 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32; `uvms accuracy`). A step
         too large for the scene raises a `uvms_gym.StepWarning`, once, at the first `step`.
-        `uvms accuracy --env ID --scene FILE` certifies steps on an environment's own episodes.
+        `uvms accuracy --env ID --scene FILE` measures the errors over an environment's own episodes, and recommends
+        a step.
     substeps : int
         Physics steps per control period, 1 to 10000; by default a period of 0.05 s. Changing only `dt` changes the
         control period.
@@ -94,17 +95,18 @@ class TaskOptions:
         Parameters drawn anew in every episode, with one factor for all bodies. `True`: factors of 0.7 to 1.3 on `mass`,
         `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number such as 0.2: factors
         of 0.8 to 1.2 on the same parameters. A dict: for each parameter a share such as 0.2, or the minimum and maximum
-        factor, such as `[0.8, 1.2]`. It may also have `volume` (its factor multiplies that of mass, so that a floating
-        body still floats), `payload` (maximum, or minimum and maximum, kg) and any other number of the scene by its
-        key, such as `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, or its minimum and maximum
-        (for a list two lists). `False` removes the randomization of the disturbance. Draws are uniform. References,
-        observations and rewards use the scene as given.
+        factor, such as `[0.8, 1.2]`. It may also have `volume`, a factor on the displaced volume beside that of `mass`:
+        the volume is multiplied by both, so that a floating body still floats. It may have `payload` (maximum, or
+        minimum and maximum, kg) and any other number of the scene by its key, such as
+        `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, or its minimum and maximum. The minimum
+        and maximum of a list are lists, too. `False`: none, even if the disturbance contains some. Draws are uniform.
+        References, observations and rewards use the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], instead of the scene's.
     reward : dict or None
         Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
-        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0. The cost
-        of much smaller errors is quadratic, of much larger ones logarithmic.
+        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0. This
+        term is quadratic for errors p much smaller than s, and logarithmic for much larger ones.
     tolerance : dict or None
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.
@@ -114,11 +116,12 @@ class TaskOptions:
         Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
         `env.unwrapped.privileged_layout` describes the entries.
     error_estimate : bool or None
-        True: estimate the integration errors since the start of the episode in `info["error_estimate"]`, (6,): of
-        position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end effector,
-        and their maximum relative to the motion (`Simulator.error_estimate`). The `final_info` of a vector environment,
-        which describes the ends of episodes, does not contain it. Steps take up to 3.3 times as long, 5.5 times in
-        float32. None: estimate the errors of a few instances, for warnings only. False: estimate none.
+        True: estimate the integration errors since the start of the episode in `info["error_estimate"]`, (6,). The
+        first two entries are for position (m) and attitude (rad) of the vehicle, the third for the worst joint (rad or
+        m), the next two for position (m) and attitude (rad) of the end effector. The last is the largest error as a
+        share of the size of the motion (`Simulator.error_estimate`). The `final_info` of a vector environment, which
+        describes the ends of episodes, does not contain it. Steps take up to 3.3 times as long, 5.5 times in float32.
+        None: estimate the errors of a few instances, for warnings only. False: estimate none.
     threads : int or None
         Maximum number of threads, >= 1; None: all. One instance never uses more than one.
     """

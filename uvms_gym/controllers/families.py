@@ -223,7 +223,7 @@ FAMILIES: dict[str, Family] = {
         (*_STATION, *_TRACK),
         default="dob",
         settings={
-            base: Setting(f"corrects `{base}` by at most 0.3 of the range of actions", base=base)
+            base: Setting(f"corrects `{base}` by at most 0.3 of the actuators' limits", base=base)
             for base in ("pd", "dob", "resolved-dob")
         },
     ),

@@ -24,11 +24,11 @@ class DockOptions(TaskOptions, task="dock"):
     arm_amplitude : float
         Maximum amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
     dock_sway : float
-        Horizontal motion of the dock, relative to the water there, in [0, 1].
+        Horizontal motion of the dock, as a share of the water's motion there, in [0, 1].
     dock_heave : float
-        Vertical motion of the dock, relative to the water there, in [0, 1].
+        Vertical motion of the dock, as a share of the water's motion there, in [0, 1].
     dock_tilt : float
-        Tilt of the dock, relative to the wave slope there, in [0, 1].
+        Tilt of the dock, as a share of the wave slope there, in [0, 1].
     hold_speed : float
         Speed relative to the dock below which the vehicle counts as holding, m/s, >= 0.
     hold_time : float
@@ -124,10 +124,10 @@ class DockEnv(TaskEnv):
 
     ## Information
     The same keys as in `StationKeepEnv`. `success` is 1 from the first docking on, whether or not the vehicle stays
-    docked; `mean_success` is its mean, and `recovery_time` the time for which it has been 0. In addition `docked` (1
-    while docked), `time_to_dock` (s until the first docking; before it the time so far), `approach_speed` (relative
-    speed at the first crossing of `capture_distance`, m/s; 0 before it) and `reward_docking` (the reward's terms for
-    relative speed and for being docked).
+    docked; `mean_success` is its mean, and `recovery_time` the duration for which `success` was 0. In addition
+    `docked` (1 while docked), `time_to_dock` (s until the first docking; before it the time so far), `approach_speed`
+    (relative speed at the first crossing of `capture_distance`, m/s; 0 before it) and `reward_docking` (the reward's
+    terms for relative speed and for being docked).
 
     ## Arguments
     `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.

@@ -50,10 +50,10 @@ class EETrackEnv(TaskEnv):
 
     With `action="wrench"` (a = 6 + n, with n joints) the first entries are a body wrench relative to its limits, as in
     `StationKeepEnv`, and the others are joint torques. An entry of 1 is the smaller of two torques, so that light
-    joints do not diverge within a control period. One is the joint's effort limit. The other is the sum of twice the
-    static torque of the worst pose, the friction at 1 rad/s, and the torque that accelerates the joint by 10 rad/s^2
-    while everything else may move (or by 2 rad/s^2 while everything else is fixed, if that is larger). For prismatic
-    joints 1 rad counts as 0.25 m. On `petasus-pum`:
+    joints do not diverge within a control period. One is the joint's effort limit. The other is the sum of three
+    torques: first, twice the static torque of the worst pose; second, the friction at 1 rad/s; third, the torque that
+    accelerates the joint by 10 rad/s^2 while everything else is free, or by 2 rad/s^2 while everything else is fixed,
+    whichever is larger. For prismatic joints 1 rad counts as 0.25 m. On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -69,10 +69,9 @@ class EETrackEnv(TaskEnv):
     | 9 | wrist | -21.2 | 21.2 | N m |
     | 10 | gripper | -4.326 | 4.326 | N m |
 
-    With `action="thrusters"` (a = m + n, with m thrusters) each of the first entries is a thrust relative to the
-    thruster's limit in that direction, in the order of the scene. With `action="residual"` (a = 6 + n) the action is a
-    correction to the wrench action of `uvms_gym.ResolvedMotion` on the same observation. An entry of 1 is
-    `residual_scale` times the limit; the sum is clipped to the limits.
+    With `action="thrusters"` (a = m + n, with m thrusters) the first m entries are thrusts, as in `StationKeepEnv`.
+    With `action="residual"` (a = 6 + n) the action is a correction to the wrench action of `uvms_gym.ResolvedMotion` on
+    the same observation. An entry of 1 is `residual_scale` times the limit; the sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
@@ -100,7 +99,7 @@ class EETrackEnv(TaskEnv):
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
     [-1, 1] and actions a the reward is
     `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Divergence costs 100
-    more, like 100 steps at a distance of a metre, so ending the episode early never pays. The option `reward` changes
+    more, like 90 steps at a distance of a metre, so ending the episode early seldom pays. The option `reward` changes
     the four weights.
 
     ## Starting State
@@ -111,7 +110,7 @@ class EETrackEnv(TaskEnv):
 
     ## Episode End
     Termination: the run diverges, that is, the end effector is 10 m from the reference, the vehicle moves at 10 m/s or
-    turns at 20 rad/s, or a joint moves at 20 rad/s (if prismatic 20 m/s) or is beyond its observed range.
+    turns at 20 rad/s, or a joint moves at 20 rad/s (if prismatic 20 m/s) or exceeds the bound of `joint_position`.
     Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
@@ -119,10 +118,11 @@ class EETrackEnv(TaskEnv):
     like the `end_effector_...` ones, and `effort`, `power` and `saturation` include thrusters and joints.
 
     ## Arguments
-    `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`. The
-    target that `target_distance` and `target_heading` draw is the target pose of the vehicle at the start. Where the
-    disturbance has sensor noise or delay, they apply to the pose error of the end effector, and the errors in the
-    preview have the same measurement error. The component `arm` of a disturbance has no effect.
+    `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.
+    `target_distance` and `target_heading` limit the vehicle's target pose at the start, which is drawn; the reference
+    starts where the end effector then is. Where the disturbance has sensor noise or delay, they apply to the pose error
+    of the end effector, and the errors in the preview have the same measurement error. The component `arm` of a
+    disturbance has no effect.
 
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
     vehicle's pose where the reference starts.

@@ -49,10 +49,10 @@ class StationKeepEnv(TaskEnv):
     | 4 | pitch | -60 | 60 | N m |
     | 5 | yaw | -60 | 60 | N m |
 
-    With `action="thrusters"` each entry is a thrust relative to the thruster's limit in that direction, in the order of
-    the scene. With `action="residual"` the action is a correction to the wrench action of the paper's PD (`uvms_gym.PD`
-    on the same observation, with the scene's gains). An entry of 1 is `residual_scale` times the limit; the sum is
-    clipped to the limits.
+    With `action="thrusters"` there is one entry for each thruster, in the order of the scene: its thrust, relative to
+    its forward limit if positive and to its reverse limit if negative. With `action="residual"` the action is a
+    correction to the wrench action of the paper's PD (`uvms_gym.PD` on the same observation, with the scene's gains).
+    An entry of 1 is `residual_scale` times the limit; the sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values divided by fixed scales, clipped to bounds that no episode
@@ -101,13 +101,14 @@ class StationKeepEnv(TaskEnv):
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
-    | `delay` | age of measurements, per episode | `time` (s, rounded to periods) plus `periods`; a number is `time` |
+    | `delay` | age of measurements, per episode | `time` (s, rounded to periods) plus `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
-    A payload is carried at the end effector, without an arm at the vehicle's origin. Noise and delay apply to the
-    errors, velocities and joints in observations, and to the integral of the errors. Rewards and infos use the true
-    state. `env.unwrapped.disturbance()` returns the disturbance over the control periods to come.
+    `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
+    is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the
+    errors. Rewards and infos use the true state. `env.unwrapped.disturbance()` returns the disturbance over the control
+    periods to come.
 
     ## Starting State
     The vehicle is at rest up to 0.05 m and 0.05 rad from the target (by default the world origin, level), joints and
@@ -128,9 +129,9 @@ class StationKeepEnv(TaskEnv):
     - `effort` (mean of u^2), `power` (mean of |u|^1.5) and `saturation` (share at their limit) of the thrusters, and
       `action_rate` (mean squared change of the action);
     - root mean squares `rms_...` and means `mean_...` over the episode's steps so far;
-    - `current_x`, `current_y`, `current_z` (m/s, world), and over the last period `disturbance_force`, the force of
-      pushes, tether and script (N), `payload`, the carried mass (kg), and `thruster_gain`, the remaining share of the
-      weakest thruster's thrust;
+    - `current_x`, `current_y`, `current_z` (m/s, world);
+    - over the last period: `disturbance_force` (N, of pushes, tether and script), `payload` (carried mass, kg) and
+      `thruster_gain` (remaining share of the weakest thruster's thrust);
     - the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`;
     - `success`, 1 where both errors are within `tolerance`, else 0, and its mean `mean_success`; `recovery_time`, the
       duration of the present or last departure from `tolerance`, s (the approach at the start counts as one); and
