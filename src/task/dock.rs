@@ -121,7 +121,7 @@ impl TaskDefinition for Dock {
 
     type Kernel<T: Real> = DockKernel<T>;
 
-    /// Divergence costs as much as 370 steps at 5 m from the dock, so ending the episode early never pays.
+    /// Divergence costs as much as 370 steps at 5 m from the dock, so ending the episode early seldom pays.
     fn defaults() -> TaskOptions {
         let options = TaskOptions::default();
         TaskOptions {

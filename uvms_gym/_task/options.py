@@ -92,21 +92,21 @@ class TaskOptions:
     disturbance : str, dict or None
         Name of a level, or components by name, as described for `StationKeepEnv`. None: a steady current.
     randomize : bool, float, dict or None
-        Parameters drawn anew in every episode, with one factor for all bodies. `True`: factors of 0.7 to 1.3 on `mass`,
-        `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number such as 0.2: factors
-        of 0.8 to 1.2 on the same parameters. A dict: for each parameter a share such as 0.2, or the minimum and maximum
-        factor, such as `[0.8, 1.2]`. It may also have `volume`, a factor on the displaced volume beside that of `mass`:
-        the volume is multiplied by both, so that a floating body still floats. It may have `payload` (maximum, or
-        minimum and maximum, kg) and any other number of the scene by its key, such as
-        `"arm.links[0].joint.friction.viscous"`: a share of the scene's value, or its minimum and maximum. The minimum
-        and maximum of a list are lists, too. `False`: none, even if the disturbance contains some. Draws are uniform.
-        References, observations and rewards use the scene as given.
+        Parameters drawn anew in every episode; each has one factor, the same for all bodies. `True`: factors of 0.7 to
+        1.3 on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`. A number such
+        as 0.2: factors of 0.8 to 1.2 on the same parameters. A dict: for each parameter a share such as 0.2, or the
+        minimum and maximum factor, such as `[0.8, 1.2]`. It may also have `volume`, a further factor on the displaced
+        volume. (The factor of `mass` multiplies the volume, too, so that a floating body still floats.) It may have
+        `payload` (maximum, or minimum and maximum, kg) and any other number of the scene by its key, such as
+        `"arm.links[0].joint.friction.viscous"`: with a share such as 0.2 of the scene's value, or with the minimum and
+        maximum of the value itself. Where the value is a list, so are its minimum and maximum. `False`: none, even if
+        the disturbance contains some. Draws are uniform. References, observations and rewards use the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], instead of the scene's.
     reward : dict or None
         Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
-        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0. This
-        term is quadratic for errors p much smaller than s, and logarithmic for much larger ones.
+        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the s in ln(1 + (p / s)^2), > 0. This term is
+        quadratic for pose errors p much smaller than s, and logarithmic for much larger ones.
     tolerance : dict or None
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.

@@ -305,7 +305,8 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             (c): previous action, its squared change, three means over actuators, the integral of both errors, and rows
             of the task. Inputs: "state" (12 + 2 n) after the period, in the coordinates of `step_jacobians`;
             "measurement" (w), where late sensors measure an earlier state; "action" (a); with residual actions "base"
-            (a), the base controller's action; "memory" (c) before the period. Forces depend on the last three alone.
+            (a), the base controller's action; "memory" (c) before the period. Forces depend on action, base and memory
+            alone.
 
         Raises
         ------

@@ -106,11 +106,12 @@ class DockEnv(TaskEnv):
     `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
-    With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v, relative thrusts u in [-1, 1] and
-    actions a the reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 2 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2) -
-    0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked. Divergence costs 500, like 370 steps at a
-    distance of 5 m, so ending the episode early never pays. The options `reward`, `speed_weight` and `docked_reward`
-    change the weights.
+    With the position error e (m), the angle of the attitude error (rad), the pose error
+    p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v (m/s), relative thrusts u in [-1, 1] and actions a the
+    reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / (2 m)) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2) -
+    0.1 * v / (v + 0.1 m/s) / (1 + (p / 0.5 m)^2)`, plus 0.5 while docked. Divergence costs 500 more, like 370 of the
+    400 steps at a distance of 5 m, so ending the episode early seldom pays. The options `reward`, `speed_weight` and
+    `docked_reward` change the weights.
 
     ## Starting State
     The vehicle is at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about the dock's -x axis. Its

@@ -49,11 +49,11 @@ class EETrackEnv(TaskEnv):
     A `Box(-1, 1, (a,), float32)` under the rules of `StationKeepEnv`.
 
     With `action="wrench"` (a = 6 + n, with n joints) the first entries are a body wrench relative to its limits, as in
-    `StationKeepEnv`, and the others are joint torques. An entry of 1 is the smaller of two torques, so that light
-    joints do not diverge within a control period. One is the joint's effort limit. The other is the sum of three
-    torques: first, twice the static torque of the worst pose; second, the friction at 1 rad/s; third, the torque that
-    accelerates the joint by 10 rad/s^2 while everything else is free, or by 2 rad/s^2 while everything else is fixed,
-    whichever is larger. For prismatic joints 1 rad counts as 0.25 m. On `petasus-pum`:
+    `StationKeepEnv`, and the others are joint torques. An entry of 1 is the smaller of the joint's
+    effort limit and a bound that keeps light joints from diverging within a control period. This bound is the sum of
+    three torques: first, twice the static torque of the worst pose; second, the friction at 1 rad/s; third, the torque
+    that accelerates the joint by 10 rad/s^2 while everything else is free, or by 2 rad/s^2 while everything else is
+    fixed, whichever torque is larger. For prismatic joints 1 rad counts as 0.25 m. On `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
@@ -96,17 +96,17 @@ class EETrackEnv(TaskEnv):
     `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
-    With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
-    [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Divergence costs 100
+    With the end effector's position error e (m), the angle of its attitude error (rad), its pose error
+    p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts and torques u in [-1, 1] and actions a the reward is
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / (0.3 m)) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Divergence costs 100
     more, like 90 steps at a distance of a metre, so ending the episode early seldom pays. The option `reward` changes
     the four weights.
 
     ## Starting State
-    The vehicle is at rest up to 0.05 m and 0.05 rad from its target pose, at which the end effector is on the reference
-    (by default the vehicle is then level at the world origin). Joints are at home, and a current of 0 to 0.3 m/s flows
-    within 0.25 rad of the horizontal. The seed and the number of the episode since that seed determine all draws and
-    the reference.
+    The vehicle is at rest up to 0.05 m and 0.05 rad from its target pose (by default the world origin, level). The
+    reference starts where the end effector is with the vehicle at the target pose and the arm at home. Joints are at
+    home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the horizontal. The seed and the number of the episode
+    since that seed determine all draws and the reference.
 
     ## Episode End
     Termination: the run diverges, that is, the end effector is 10 m from the reference, the vehicle moves at 10 m/s or
@@ -119,10 +119,9 @@ class EETrackEnv(TaskEnv):
 
     ## Arguments
     `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.
-    `target_distance` and `target_heading` limit the vehicle's target pose at the start, which is drawn; the reference
-    starts where the end effector then is. Where the disturbance has sensor noise or delay, they apply to the pose error
-    of the end effector, and the errors in the preview have the same measurement error. The component `arm` of a
-    disturbance has no effect.
+    The vehicle's target pose at the start is drawn within `target_distance` and `target_heading`. Where the disturbance
+    has sensor noise or delay, they apply to the pose error of the end effector, and the errors in the preview have the
+    same measurement error. The component `arm` of a disturbance has no effect.
 
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
     vehicle's pose where the reference starts.

@@ -75,8 +75,9 @@ class StationKeepEnv(TaskEnv):
     `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
-    With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts u in [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. The option `reward`
+    With the position error e (m), the angle of the attitude error (rad), the pose error
+    p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts u in [-1, 1] and actions a the reward is
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / (0.3 m)) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. The option `reward`
     changes the weights; its weight `diverged` adds a cost of divergence.
 
     ## Disturbances
@@ -101,7 +102,7 @@ class StationKeepEnv(TaskEnv):
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
-    | `delay` | age of measurements, per episode | `time` (s, rounded to periods) plus `periods` |
+    | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
