@@ -98,9 +98,10 @@ class TaskOptions:
         minimum and maximum factor, such as `[0.8, 1.2]`. It may also have `volume`, a further factor on the displaced
         volume. (The factor of `mass` multiplies the volume, too, so that a floating body still floats.) It may have
         `payload` (maximum, or minimum and maximum, kg) and any other number of the scene by its key, such as
-        `"arm.links[0].joint.friction.viscous"`: with a share such as 0.2 of the scene's value, or with the minimum and
-        maximum of the value itself. Where the value is a list, so are its minimum and maximum. `False`: none, even if
-        the disturbance contains some. Draws are uniform. References, observations and rewards use the scene as given.
+        `"arm.links[0].joint.friction.viscous"`. For such a number a share of 0.2 draws 0.8 to 1.2 times the scene's
+        value, and two numbers are the minimum and maximum of the value itself, not factors. Where the value is a list,
+        so are its minimum and maximum. `False`: none, even if the disturbance contains some. Draws are uniform.
+        References, observations and rewards use the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], instead of the scene's.
     reward : dict or None

@@ -114,7 +114,10 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
             info["error_estimate"] = self._errors()[0]
 
     def render(self) -> Picture | None:
-        """Draw (480, 640, 3) uint8; in a window, and without a render mode, which warns, return None."""
+        """Draw a picture (480, 640, 3), uint8.
+
+        The mode `"human"` shows it in the window and returns None. Without a render mode warn and return None.
+        """
         pictures = self._pictures()
         if pictures is None or self._window is None:
             return None if pictures is None else pictures[0]
@@ -286,7 +289,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
     def jacobians(
         self, actions: ArrayLike, observations: Observations | None = None
     ) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Jacobians of the coming control period under `actions` (N, a), without the physics between both ends.
+        """Jacobians of the coming control period under `actions` (N, a), without the physics between its start and end.
 
         The environment is not stepped. `snapshot().step_jacobians` has the physics: docs/gradients.md.
 

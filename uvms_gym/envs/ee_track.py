@@ -120,8 +120,8 @@ class EETrackEnv(TaskEnv):
     ## Arguments
     `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.
     The vehicle's target pose at the start is drawn within `target_distance` and `target_heading`. Where the disturbance
-    has sensor noise or delay, they apply to the pose error of the end effector, and the errors in the preview have the
-    same measurement error. The component `arm` of a disturbance has no effect.
+    has sensor noise or delay, they change the observed pose error of the end effector, and the errors in the preview by
+    the same amount. The component `arm` of a disturbance has no effect.
 
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
     vehicle's pose where the reference starts.

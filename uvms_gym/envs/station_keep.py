@@ -87,8 +87,9 @@ class StationKeepEnv(TaskEnv):
     with the ending `"-hard"`, stronger and with other shapes, for evaluation. The option may also be a dict of
     components, each a dict of parameters, `True` for its defaults or `None` to remove it. Its key `base` names a level
     that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number, or a
-    range `[minimum, maximum]` from which a value is drawn per episode or event. Shares are relative to the vehicle's
-    maximum thrust along its weakest axis. `uvms disturbances` lists and plots the levels.
+    range `[minimum, maximum]` from which a value is drawn per episode or event. The parameter `share` is the force of
+    a push, or the weight of a payload, relative to the vehicle's maximum thrust along its weakest axis.
+    `uvms disturbances` lists and plots the levels.
 
     | Component | Meaning | Parameters |
     | --------- | ------- | ---------- |
@@ -101,7 +102,7 @@ class StationKeepEnv(TaskEnv):
     | `payload` | mass that is carried for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
-    | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
+    | `noise` | sensors: white noise, bias | deviations by block (`position`, ..., `joint_rate`), `bias` (times these) |
     | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
