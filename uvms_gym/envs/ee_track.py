@@ -126,8 +126,8 @@ class EETrackEnv(TaskEnv):
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
     vehicle's pose where the reference starts.
 
-    `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
-    `action_rate` at 0.2.
+    `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with `substeps=20` for
+    the same control period of 0.1 s, and the reward weight `action_rate` at 0.2.
 
     ```python
     >>> import gymnasium, uvms_gym

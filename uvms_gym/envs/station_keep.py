@@ -51,7 +51,7 @@ class StationKeepEnv(TaskEnv):
 
     With `action="thrusters"` there is one entry for each thruster, in the order of the scene: its thrust, relative to
     its forward limit if positive and to its reverse limit if negative. With `action="residual"` the action is a
-    correction to the wrench action of the paper's PD (`uvms_gym.PD` on the same observation, with the scene's gains).
+    correction to the wrench action of the controller `uvms_gym.PD` on the same observation, with the scene's gains.
     An entry of 1 is `residual_scale` times the limit; the sum is clipped to the limits.
 
     ## Observation Space
@@ -82,14 +82,15 @@ class StationKeepEnv(TaskEnv):
 
     ## Disturbances
     Without `disturbance` there is a steady current of up to `max_current`. The option may be the name of a level:
-    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all together) or
-    `"storm-wide"` (with a vehicle whose parameters are poorly known). All but `"calm"` and `"storm-wide"` also exist
-    with the ending `"-hard"`, stronger and with other shapes, for evaluation. The option may also be a dict of
-    components, each a dict of parameters, `True` for its defaults or `None` to remove it. Its key `base` names a level
-    that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number, or a
-    range `[minimum, maximum]` from which a value is drawn per episode or event. The parameter `share` is the force of
-    a push, or the weight of a payload, relative to the vehicle's maximum thrust along its weakest axis.
-    `uvms disturbances` lists and plots the levels.
+    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all together, with noisy,
+    late sensors and parameters off by up to 30 %) or `"storm-wide"` (the storm on a vehicle whose parameters are known
+    even less). All but `"calm"` and `"storm-wide"` also exist with the ending `"-hard"`, stronger and with other
+    shapes, for evaluation. The option may also be a dict of components, each a dict of parameters, `True` for its
+    defaults or `None` to remove it. Its key `base` names a level that the dict changes:
+    `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. A parameter is a number, or a range `[minimum, maximum]`
+    from which a value is drawn per episode or event. The parameter `share` is the force of a push, or the weight of a
+    payload, relative to the vehicle's maximum thrust along its weakest axis. `uvms disturbances` lists and plots the
+    levels.
 
     | Component | Meaning | Parameters |
     | --------- | ------- | ---------- |
@@ -106,6 +107,15 @@ class StationKeepEnv(TaskEnv):
     | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
+
+    `vertical` is the vertical deviation of a drift relative to the horizontal one. A gust takes the time `rise` to rise
+    and to fall, and with `turns` it reverses half-way. A push acts at a point up to `reach` from the vehicle's origin, as a
+    multiple of the root mean square distance of the thrusters. The tether runs from a fixed point, `height` above and
+    `distance` beside the world origin (m), to the point `attachment` of the vehicle (body axes, m). It is longer than
+    the distance from the fixed point to the world origin by the share `slack`. `drag` is its drag coefficient,
+    `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the maximum thrust
+    along the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the time `hold`.
+    A thruster loses its thrust at `time`, over the duration `fade`, and keeps the share `gain`.
 
     `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
     is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the
