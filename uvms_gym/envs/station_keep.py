@@ -109,13 +109,13 @@ class StationKeepEnv(TaskEnv):
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
     `vertical` is the vertical deviation of a drift relative to the horizontal one. A gust takes the time `rise` to rise
-    and to fall, and with `turns` it reverses half-way. A push acts at a point up to `reach` from the vehicle's origin, as a
-    multiple of the root mean square distance of the thrusters. The tether runs from a fixed point, `height` above and
-    `distance` beside the world origin (m), to the point `attachment` of the vehicle (body axes, m). It is longer than
-    the distance from the fixed point to the world origin by the share `slack`. `drag` is its drag coefficient,
-    `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the maximum thrust
-    along the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the time `hold`.
-    A thruster loses its thrust at `time`, over the duration `fade`, and keeps the share `gain`.
+    and to fall, and with `turns` it reverses half-way. A push acts at a point up to `reach` from the vehicle's origin,
+    as a multiple of the root mean square distance of the thrusters. The tether runs from a fixed point, `height` above
+    and `distance` beside the world origin (m), to the point `attachment` of the vehicle (body axes, m). It is longer
+    than the distance from the fixed point to the world origin by the share `slack`. `drag` is its drag coefficient,
+    `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the maximum thrust along
+    the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the time `hold`. A thruster
+    loses its thrust at `time`, over the duration `fade`, and keeps the share `gain`.
 
     `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
     is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the
