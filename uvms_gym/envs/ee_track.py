@@ -20,7 +20,8 @@ class EETrackOptions(TaskOptions, task="ee-track"):
     reference_speed : float
         Maximum speed, m/s, in [0, 2]; an episode has 50 to 100 % of it.
     reference_rotation : float
-        Maximum amplitude of turns about the vertical, rad, in [0, 0.6]; about horizontal axes less than a third.
+        Maximum amplitude of turns about the vertical, rad, in [0, 0.6]; about horizontal axes it is less than
+        a third of that.
     preview : dict or None
         Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
         in [0, 10] (0.2).
@@ -124,7 +125,7 @@ class EETrackEnv(TaskEnv):
     the same amount. The component `arm` of a disturbance has no effect.
 
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
-    vehicle's pose where the reference starts.
+    vehicle's target pose, from which the start of the reference is computed (Starting State).
 
     `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with `substeps=20` for
     the same control period of 0.1 s, and the reward weight `action_rate` at 0.2.

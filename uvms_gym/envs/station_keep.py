@@ -103,19 +103,19 @@ class StationKeepEnv(TaskEnv):
     | `payload` | mass that is carried for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
-    | `noise` | sensors: white noise, bias | deviations by block (`position`, ..., `joint_rate`), `bias` (times these) |
+    | `noise` | white noise, bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share of these) |
     | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
     `vertical` is the vertical deviation of a drift relative to the horizontal one. A gust takes the time `rise` to rise
-    and to fall, and with `turns` it reverses half-way. A push acts at a point up to `reach` from the vehicle's origin,
-    as a multiple of the root mean square distance of the thrusters. The tether runs from a fixed point, `height` above
-    and `distance` beside the world origin (m), to the point `attachment` of the vehicle (body axes, m). It is longer
-    than the distance from the fixed point to the world origin by the share `slack`. `drag` is its drag coefficient,
-    `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the maximum thrust along
-    the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the time `hold`. A thruster
-    loses its thrust at `time`, over the duration `fade`, and keeps the share `gain`.
+    and to fall, and with `turns` it reverses half-way. A push acts at a point near the vehicle's origin; `reach` is its
+    maximum distance, as a multiple of the root mean square distance of the thrusters. The tether runs from a fixed
+    point, `height` above and `distance` beside the world origin (m), to the point `attachment` of the vehicle (body
+    axes, m). It is longer than the distance from the fixed point to the world origin by the share `slack`. `drag` is
+    its drag coefficient, `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the
+    maximum thrust along the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the
+    time `hold`. From `time` on the thrust of a thruster falls to the share `gain` over the duration `fade`.
 
     `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
     is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the
@@ -125,7 +125,7 @@ class StationKeepEnv(TaskEnv):
     ## Starting State
     The vehicle is at rest up to 0.05 m and 0.05 rad from the target (by default the world origin, level), joints and
     arm reference are at rest at home, and a current of 0 to 0.3 m/s flows within 0.25 rad of the horizontal. The seed
-    and the number of the episode since that seed determine all draws.
+    of the last `reset` with a seed, and the number of episodes since, determine all draws.
 
     ## Episode End
     Termination: the run diverges, that is, the vehicle is 10 m from the target, moves at 10 m/s or turns at 20 rad/s,
@@ -153,15 +153,15 @@ class StationKeepEnv(TaskEnv):
     `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"` or
     `"human"`. Pictures are drawn in Rust.
 
-    `reset(options=...)` sets parts of the start, which are otherwise drawn: `position` (3), `attitude` (quaternion
-    [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
-    including the scene's own), in SI units. `disturbance` replaces the disturbance for that episode. It may only have
-    components that the environment was made with, and must have the same `delay`; `randomize` keeps its effect. A
-    vector environment also accepts a list with one disturbance per instance.
+    `reset(options=...)` sets parts of the start, which are otherwise drawn: `position` (3), `attitude` (quaternion [w,
+    x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
+    including the scene's own), in SI units. `disturbance` replaces the disturbance for that episode. The new
+    disturbance may only have components that the environment was made with, and must have the same `delay`; `randomize`
+    keeps its effect. A vector environment also accepts a list with one disturbance per instance.
 
     `UVMS-StationKeep-Storm-v0` is the version in which controllers are compared. It has `disturbance="storm"`,
-    `thruster_lag=0.1`, 200 steps with `substeps=10`, so a control period of 0.1 s, which is also the sensor delay, and
-    the reward weights `effort` 0.05 and `action_rate` 0.8, for commands about as calm as a PD's.
+    `thruster_lag=0.1`, 200 steps and `substeps=10`. The control period is therefore 0.1 s, and so is the sensor delay.
+    The reward weights `effort` 0.05 and `action_rate` 0.8 lead to commands about as calm as a PD's.
     `UVMS-StationKeep-Wide-v0` has `disturbance="storm-wide"` instead: vehicle, thrusters and sensor delay differ widely
     from episode to episode.
 
