@@ -21,6 +21,7 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
+    "assess_scene",
     "disturbance_levels",
     "dump_scene",
     "estimate",
@@ -30,6 +31,7 @@ __all__ = [
     "lint_scene",
     "load_scene",
     "optimize_trajectory",
+    "recommend_integration",
     "scene_names",
     "scene_template",
     "task_defaults",
@@ -89,6 +91,19 @@ def dump_scene(scene: _Scene) -> str:
 def lint_scene(scene: _Scene) -> list[str]:
     """Warnings about implausible values of a valid scene: one line each, with key and numbers."""
 
+def assess_scene(scene: _Scene) -> dict[str, Any]:
+    """Trim (balance, righting moment, thrust to hold), authority by axis, and rates of joints of a scene."""
+
+class _Recommendation(TypedDict):
+    integrator: str
+    step: float
+    reason: str
+    error: float
+    accurate: bool
+
+def recommend_integration(scene: _Scene, speed: ArrayLike | None = None) -> _Recommendation:
+    """Integrator and step that follow a scene's motion at the speeds that its actuators reach."""
+
 def scene_template() -> str:
     """TOML text of a scene with all keys, their units and defaults in comments."""
 
@@ -146,8 +161,8 @@ class Simulator:
         scene: _Scene | Sequence[_Scene],
         num_envs: int | None = None,
         *,
-        dt: float = 0.01,
-        integrator: str = "mk4",
+        dt: float | None = None,
+        integrator: str | None = None,
         dtype: str | np.dtype[Any] | type[Any] = "float64",
         threads: int | None = None,
         gamma: float = 1.0,
@@ -464,7 +479,7 @@ class Task:
         options: dict[str, Any],
         *,
         num_envs: int = 1,
-        integrator: str = "mk4",
+        integrator: str | None = None,
         dtype: str = "float64",
         threads: int | None = None,
         autoreset: str = "disabled",

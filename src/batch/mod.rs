@@ -5,6 +5,7 @@
 //! Modules: `storage` (memory and loads), `stepping` (kernels and threads), `monitoring` (quality of the steps), `simulator`,
 //! `episodes` (tasks around the physics).
 
+mod assessment;
 mod episodes;
 mod monitoring;
 mod options;
@@ -12,6 +13,7 @@ mod simulator;
 pub(crate) mod stepping;
 pub(crate) mod storage;
 
+pub use assessment::{Assessment, Authority, JointRates, Recommendation, Trim, assess, recommend};
 pub use episodes::{
     Autoreset, Beginning, Final, Outputs, Recorder, Recording, Rollout, RolloutStats, Saved, TaskBatch, Teacher, Trace,
     Transition,

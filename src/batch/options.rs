@@ -1,5 +1,6 @@
 //! Options of a simulator.
 
+use crate::description::{Integration, Scene};
 use crate::integrate::Gains;
 
 /// Number type of the kernels.
@@ -65,12 +66,21 @@ pub struct SimulatorOptions {
     pub error_estimate: Option<bool>,
 }
 
+impl SimulatorOptions {
+    /// Defaults for a scene: with the integrator and step that it states.
+    pub fn of(scene: &Scene) -> Self {
+        let Integration { integrator, step } = scene.integration();
+        Self { dt: step, integrator, ..Self::default() }
+    }
+}
+
 impl Default for SimulatorOptions {
     fn default() -> Self {
+        let Integration { integrator, step } = Integration::default();
         Self {
             instances: 1,
-            dt: 0.01,
-            integrator: "mk4".into(),
+            dt: step,
+            integrator,
             gamma: Gains::DEFAULT.gamma,
             tolerance: Gains::DEFAULT.tolerance,
             precision: Precision::Double,

@@ -2,7 +2,10 @@
 
 use toml::Value;
 
-use super::{Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body, path};
+use super::{
+    Integration, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body,
+    path,
+};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::{Fault, check_axis, check_names, check_not_negative, normalise, range};
 
@@ -124,6 +127,7 @@ impl Scene {
         check_not_negative("water", [("density", self.water.density)])?;
         self.validate_vehicle()?;
         self.validate_arm()?;
+        self.integration.iter().try_for_each(Integration::check)?;
         self.provenance.check(&tree)?;
 
         let mut warnings = Vec::new();

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
 
+use super::warnings::implausible;
 use super::{Body, Frame, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
 use crate::keys::{Fault, range};
@@ -29,8 +30,8 @@ pub fn validate(
     warnings: &mut Vec<SceneWarning>,
 ) -> Result<(), Fault> {
     let key = |name: &str| format!("{key}.{name}");
-    symmetric(&body.inertia, || key("inertia"))?;
-    symmetric(&body.added_mass, || key("added_mass"))?;
+    warnings.extend(symmetric(&body.inertia, || key("inertia"))?);
+    warnings.extend(symmetric(&body.added_mass, || key("added_mass"))?);
     if fixed {
         range(body.mass >= 0.0, body.mass, ">= 0", || key("mass"))?;
     } else {
@@ -51,7 +52,9 @@ pub fn validate(
     Ok(())
 }
 
-fn symmetric<const N: usize>(m: &SMatrix<f64, N, N>, key: impl FnOnce() -> String) -> Result<(), Fault> {
+/// Refuses a matrix that is not symmetric, and warns of one that is so but for rounding of published digits: it is made symmetric.
+fn symmetric<const N: usize>(m: &SMatrix<f64, N, N>, key: impl Fn() -> String) -> Result<Option<SceneWarning>, Fault> {
+    let mut most = (ROUNDING * m.amax(), None);
     let pairs = (0..N).flat_map(|row| (row + 1..N).map(move |column| (row, column)));
     for (row, column) in pairs {
         let (upper, lower) = (m[(row, column)], m[(column, row)]);
@@ -59,8 +62,14 @@ fn symmetric<const N: usize>(m: &SMatrix<f64, N, N>, key: impl FnOnce() -> Strin
         if (upper - lower).abs() > (SYMMETRY * coupling).max(ROUNDING * m.amax()) {
             return Err(Fault::new(key(), Problem::Asymmetric { row, column, upper, lower, tolerance: SYMMETRY }));
         }
+        if (upper - lower).abs() > most.0 {
+            most = ((upper - lower).abs(), Some((row, column, upper, lower)));
+        }
     }
-    Ok(())
+    Ok(most.1.map(|(row, column, upper, lower)| {
+        let entries = format!("entries [{row}][{column}] and [{column}][{row}] are {upper:?} and {lower:?}");
+        implausible(key(), format!("{entries}: the mean of both is used, as the matrix must be symmetric"))
+    }))
 }
 
 /// Eigenvalues in ascending order of a symmetric matrix.

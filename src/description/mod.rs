@@ -12,6 +12,7 @@ mod check_body;
 mod derived;
 mod editor;
 mod fault;
+mod integration;
 pub mod path;
 mod provenance;
 mod read;
@@ -28,8 +29,9 @@ pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mo
 pub use body::{Body, Damping, Frame, InertiaPoint};
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
 pub use editor::SceneEditor;
+pub use integration::Integration;
 pub use provenance::{Origin, Provenance};
-pub use read::{parse_toml, read_file, read_value};
+pub use read::{file_value, parse_toml, read_file, read_value};
 pub use scene::{Payload, Scene, Water};
 pub use scene_numbers::Number;
 pub use shape::{Shape, ShapeKind};

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::axes::NedTables;
-use super::{Scene, check, path};
+use super::{Scene, SceneWarning, check, path};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::Fault;
 
@@ -39,10 +39,8 @@ impl Scene {
     /// # Errors
     /// [`DescriptionError::UnknownScene`] lists the known names.
     pub fn shipped(name: &str) -> Result<Self, DescriptionError> {
-        match SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
-            Some((_, text)) => Self::from_toml_str(text, &format!("{name}.toml")),
-            None => Err(DescriptionError::UnknownScene { name: name.to_owned(), shipped: Self::shipped_names() }),
-        }
+        let (value, source_name) = shipped_value(name)?;
+        Self::from_value(value, &source_name)
     }
 
     /// A shipped scene by name, or a file by a path that ends in `.toml`.
@@ -50,7 +48,16 @@ impl Scene {
     /// # Errors
     /// As [`Scene::shipped`] and [`Scene::from_file`].
     pub fn load(name_or_path: &str) -> Result<Self, DescriptionError> {
-        if name_or_path.ends_with(".toml") { Self::from_file(name_or_path) } else { Self::shipped(name_or_path) }
+        let (value, source_name) = Self::load_value(name_or_path)?;
+        Self::from_value(value, &source_name)
+    }
+
+    /// As [`Self::load`]: the tree of values as stated, and its source's name.
+    ///
+    /// # Errors
+    /// As [`Scene::load`], without those of [`Scene::from_value`].
+    pub fn load_value(name_or_path: &str) -> Result<(Value, String), DescriptionError> {
+        if name_or_path.ends_with(".toml") { file_value(Path::new(name_or_path)) } else { shipped_value(name_or_path) }
     }
 
     /// Reads and checks a TOML file.
@@ -58,8 +65,8 @@ impl Scene {
     /// # Errors
     /// A file that cannot be read, or as [`Scene::from_toml_str`].
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
-        let (text, source_name) = read_file(path.as_ref())?;
-        Self::from_toml_str(&text, &source_name)
+        let (value, source_name) = file_value(path.as_ref())?;
+        Self::from_value(value, &source_name)
     }
 
     /// Reads and checks TOML text; `source_name` (a file's name) appears in errors.
@@ -78,24 +85,53 @@ impl Scene {
     /// # Errors
     /// [`DescriptionError::Value`] names source, key and value of the first problem.
     pub fn from_value(value: Value, source_name: &str) -> Result<Self, DescriptionError> {
+        Ok(Self::from_value_with_warnings(value, source_name)?.0)
+    }
+
+    /// As [`Self::from_value`], with warnings about the values as they are stated; those of the result are left to
+    /// [`Scene::lint`].
+    ///
+    /// # Errors
+    /// As [`Scene::from_value`].
+    pub fn from_value_with_warnings(
+        value: Value,
+        source_name: &str,
+    ) -> Result<(Self, Vec<SceneWarning>), DescriptionError> {
         Self::from_tree(&value).map_err(|fault| fault.in_source(source_name, &value))
     }
 
-    fn from_tree(value: &Value) -> Result<Self, Fault> {
+    fn from_tree(value: &Value) -> Result<(Self, Vec<SceneWarning>), Fault> {
         let mut tree = value.clone();
         let ned = NedTables::take(&mut tree)?;
         let mut scene: Self = deserialize(&tree)?;
         // Validity does not depend on the axes, and messages show the values as they are stated.
-        scene.validate()?;
+        let warnings = scene.validate()?;
         ned.convert(&mut scene);
         scene.make_canonical();
-        Ok(scene)
+        Ok((scene, warnings))
     }
 
     /// TOML text of the scene; [`Scene::from_toml_str`] reads an equal scene from it.
     pub fn to_toml_string(&self) -> String {
         toml::to_string(self).expect("a scene is plain data")
     }
+}
+
+fn shipped_value(name: &str) -> Result<(Value, String), DescriptionError> {
+    let Some((_, text)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) else {
+        return Err(DescriptionError::UnknownScene { name: name.to_owned(), shipped: Scene::shipped_names() });
+    };
+    let source_name = format!("{name}.toml");
+    Ok((parse_toml(text, &source_name)?, source_name))
+}
+
+/// A tree of values from a TOML file, and its path as errors name it.
+///
+/// # Errors
+/// As [`read_file`] and [`parse_toml`].
+pub fn file_value(path: &Path) -> Result<(Value, String), DescriptionError> {
+    let (text, source_name) = read_file(path)?;
+    Ok((parse_toml(&text, &source_name)?, source_name))
 }
 
 /// Text of a file, and its path as errors name it. Pipes and devices, which may have no end, are not opened.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::body::InertiaPoint;
-use super::{Arm, Body, Frame, Provenance, Vehicle};
+use super::{Arm, Body, Frame, Integration, Provenance, Vehicle};
 use crate::keys::numbers;
 
 /// Vehicle, arm and water: all numbers of a simulation but its state and options.
@@ -24,6 +24,8 @@ pub struct Scene {
     pub arm: Option<Arm>,
     /// Payload fixed to the end effector (to the vehicle if there is no arm).
     pub payload: Option<Payload>,
+    /// Integrator and step that its motion needs, where they are stated.
+    pub integration: Option<Integration>,
     /// Provenance of the numbers.
     #[serde(default)]
     pub provenance: Provenance,

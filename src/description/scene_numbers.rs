@@ -23,9 +23,9 @@ impl Scene {
         self.provenance.lookup(&root, &steps)
     }
 
-    /// All numbers of the scene, including defaults: path, value and provenance.
+    /// All numbers of the system, including defaults: path, value and provenance. The step of the integration is none of them.
     pub fn numbers(&self) -> Vec<Number> {
-        let root = self.to_tree();
+        let root = Self { integration: None, ..self.clone() }.to_tree();
         let numbers = path::numbers(&root).into_iter();
         numbers
             .map(|(path, x)| {

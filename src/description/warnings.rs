@@ -4,12 +4,18 @@ use std::fmt;
 
 use nalgebra::{DMatrix, Matrix6xX, Vector6};
 
-use super::{Body, Scene, Thruster};
+use super::{Body, JointKind, JointLimits, Scene, Thruster, path};
 
 /// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
 const OUT_OF_TRIM: f64 = 0.1;
-/// Ratio of a density to the density of water beyond which it is implausible.
-const DENSE: f64 = 30.0;
+/// Mass over displaced volume outside of which a body is implausible, kg/m3.
+const DENSITIES: [f64; 2] = [100.0, 20_000.0];
+/// Displaced mass over mass beyond which an arm is implausible.
+const BUOYANT: f64 = 2.0;
+/// Angle beyond which one is probably in degrees: of a frame and of a joint's limit, rad.
+const ANGLES: [f64; 2] = [std::f64::consts::TAU, 3.0 * std::f64::consts::TAU];
+/// Distance below which two thrusters are at the same place, m, and deviation of parallel axes.
+const SAME: f64 = 1e-3;
 /// Added mass over displaced mass, beyond which it is implausible.
 const FLAT: f64 = 50.0;
 /// Distance of a link's centre of mass behind its joint over the distance to the next joint, beyond which it is implausible.
@@ -73,11 +79,48 @@ impl Scene {
             for (key, body) in self.bodies() {
                 self.lint_body(&key, body, &mut warnings);
             }
+            self.lint_arm_volume(&mut warnings);
         }
         self.lint_arm(&mut warnings);
+        self.lint_angles(&mut warnings);
         self.lint_thrusters(&mut warnings);
         self.vehicle.lint_terms(&mut warnings);
         warnings
+    }
+
+    /// Angles that are probably in degrees.
+    fn lint_angles(&self, warnings: &mut Vec<SceneWarning>) {
+        let [frame, limit] = ANGLES;
+        let mut doubt = |key: String, angle: f64, maximum: f64| {
+            if angle.abs() > maximum * (1.0 + 1e-6) {
+                warnings
+                    .push(implausible(key, format!("{angle} rad are {:.1} turns: in degrees?", angle.abs() / frame)));
+            }
+        };
+        let tree = self.to_tree();
+        for (key, angle) in path::numbers(&tree).into_iter().filter(|(key, _)| key.contains(".rpy[")) {
+            doubt(key, angle, frame);
+        }
+        for (joint, key) in self.joints().zip(self.joint_keys()).filter(|(joint, _)| joint.kind == JointKind::Revolute)
+        {
+            doubt(format!("{key}.home"), joint.home, limit);
+            if let Some(JointLimits { lower, upper, .. }) = &joint.limits {
+                doubt(format!("{key}.limits.lower"), *lower, limit);
+                doubt(format!("{key}.limits.upper"), *upper, limit);
+            }
+        }
+    }
+
+    /// An arm that floats like a balloon: volumes of shapes in wrong units, or of dummy moments of inertia.
+    fn lint_arm_volume(&self, warnings: &mut Vec<SceneWarning>) {
+        let Some(arm) = &self.arm else { return };
+        let bodies = || arm.base.iter().chain(arm.links.iter().map(|link| &link.body));
+        let mass: f64 = bodies().map(|body| body.mass).sum();
+        let water: f64 = bodies().map(|body| self.water.density * body.displaced_volume(&self.water)).sum();
+        if mass > 0.0 && water > BUOYANT * mass {
+            let text = format!("all bodies of the arm weigh {mass:.4} kg but displace {water:.4} kg of water");
+            warnings.push(implausible("arm", text));
+        }
     }
 
     /// Links whose mass does not lie on the way to the next joint: mostly given in other axes than the joint's.
@@ -136,9 +179,13 @@ impl Scene {
 
     fn lint_body(&self, key: &str, body: &Body, warnings: &mut Vec<SceneWarning>) {
         let water = self.water.density * body.displaced_volume(&self.water);
-        if water > 0.0 && body.mass > DENSE * water {
+        let volume = body.displaced_volume(&self.water);
+        let [minimum, maximum] = DENSITIES;
+        // A massless body is a mere float or a frame.
+        if volume > 0.0 && body.mass > 0.0 && !(minimum * volume..=maximum * volume).contains(&body.mass) {
+            let density = body.mass / volume;
             let text = format!(
-                "{:.4} kg in a volume of {water:.4} kg of water is more than {DENSE} times the density of water",
+                "{:.4} kg in {volume:.3e} m3 are {density:.4} kg/m3, implausible outside of {minimum} to {maximum}",
                 body.mass
             );
             warnings.push(implausible(format!("{key}.volume"), text));
@@ -167,6 +214,16 @@ impl Scene {
         let thrusters = &self.vehicle.thrusters;
         if thrusters.is_empty() || self.vehicle.fixed {
             return;
+        }
+        for (k, other) in thrusters.iter().enumerate() {
+            let same = |one: &&Thruster| {
+                (one.position - other.position).norm() < SAME && one.axis.cross(&other.axis).norm() < SAME
+            };
+            if let Some(one) = thrusters[..k].iter().find(same) {
+                let way = if one.axis.dot(&other.axis) > 0.0 { "same" } else { "opposite" };
+                let text = format!("has the place of '{}' and the {way} direction: stated twice?", one.name);
+                warnings.push(implausible(format!("vehicle.thrusters[{k}] ({})", other.name), text));
+            }
         }
         let at = self.vehicle.body.center_of_mass;
         let wrench = |thruster: &Thruster| {

@@ -2,6 +2,7 @@
 #![deny(unsafe_code)]
 
 mod arrays;
+mod assessment;
 mod computation;
 mod controllers;
 mod derivatives;
@@ -31,6 +32,8 @@ use pyo3::prelude::*;
 /// The native part of `uvms_gym`.
 #[pymodule(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::assessment::{assess_scene, recommend_integration};
     #[pymodule_export]
     use super::controllers::{Controller, Mlp, gain_names};
     #[pymodule_export]

@@ -9,7 +9,8 @@ use pyo3::types::{IntoPyDict, PyDict, PyString};
 use super::arrays::{Given, dict, read as numbers};
 use super::computation::detached;
 use super::errors::{OrRaise, SceneError};
-use super::scene::{object, read, text, to_python, tree};
+use super::scene::{object, read, read_with_warnings, text, to_python, tree};
+use uvms_gym::batch::assess;
 use uvms_gym::description::{Frame, Scene};
 use uvms_gym::estimate::Outline;
 use uvms_gym::urdf::{Import, Imported};
@@ -55,9 +56,9 @@ pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
 ///     As `load_scene`.
 #[pyfunction]
 pub fn lint_scene(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    let scene = read(scene)?;
-    let warnings = scene.check().or_raise()?;
-    Ok(warnings.iter().chain(&scene.lint()).map(ToString::to_string).collect())
+    let (scene, stated) = read_with_warnings(scene)?;
+    let assessment = assess(&scene).or_raise()?;
+    Ok(stated.iter().chain(&scene.lint()).chain(&assessment.doubts).map(ToString::to_string).collect())
 }
 
 /// Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.

@@ -10,7 +10,7 @@ use toml::Value;
 
 use super::computation::detached;
 use super::errors::{OrRaise, SceneError};
-use uvms_gym::description::{Scene, SceneEditor};
+use uvms_gym::description::{Scene, SceneEditor, SceneWarning, file_value};
 use uvms_gym::error::DescriptionError;
 
 /// Source of a scene that comes as a dict, in errors.
@@ -60,16 +60,22 @@ pub fn load_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>>
 
 /// The scene that an argument means.
 pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
+    Ok(read_with_warnings(given)?.0)
+}
+
+/// The scene that an argument means, and warnings about the values as they are stated.
+pub fn read_with_warnings(given: &Bound<'_, PyAny>) -> PyResult<(Scene, Vec<SceneWarning>)> {
+    let of = |(value, source): (Value, String)| Scene::from_value_with_warnings(value, &source);
     if let Ok(name) = given.cast::<PyString>() {
         let name = text(name, "scene")?;
-        return detached(given.py(), || Scene::load(name))?.or_raise();
+        return detached(given.py(), || Scene::load_value(name).and_then(of))?.or_raise();
     }
     if given.is_instance_of::<PyDict>() {
-        return Scene::from_value(value(given, "", 0)?, DICT).or_raise();
+        return of((value(given, "", 0)?, DICT.to_owned())).or_raise();
     }
     if given.hasattr(intern!(given.py(), "__fspath__"))? {
         let path = given.extract::<PathBuf>()?;
-        return detached(given.py(), || Scene::from_file(path))?.or_raise();
+        return detached(given.py(), || file_value(&path).and_then(of))?.or_raise();
     }
     Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {}", kind(given)?)))
 }

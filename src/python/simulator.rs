@@ -30,11 +30,11 @@ use uvms_gym::limits::memory;
 ///     scene, where its term is left out, is 0 in all.
 /// num_envs : int
 ///     Number of instances N. None: the number of scenes or rows of `parameters`, or 1.
-/// dt : float
-///     Step size, s.
-/// integrator : str
-///     Name of an integrator: "mk4" (the default: Munthe-Kaas, order 4) or another that `integrators` lists.
-///     [HC eqs. 14, 17, 18]
+/// dt : float or None
+///     Step size, s. None: the step that the (first) scene states in its table `integration`, or 0.01.
+/// integrator : str or None
+///     Name of an integrator that `integrators` lists. None: as the (first) scene states in its table `integration`, or "mk4"
+///     (Munthe-Kaas, order 4). [HC eqs. 14, 17, 18]
 /// dtype : str
 ///     "float64", or "float32": twice as fast, less accurate. Arrays are float64 in both cases.
 /// threads : int or None
@@ -134,7 +134,7 @@ impl Simulator {
             scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None,
             prescribed_joints=None, parameters=None, error_estimate=None
         ),
-        text_signature = "(scene, num_envs=None, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False, parameters=None, error_estimate=None)"
+        text_signature = "(scene, num_envs=None, *, dt=None, integrator=None, dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False, parameters=None, error_estimate=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -156,7 +156,7 @@ impl Simulator {
         if let Some(given) = prescribed_joints {
             scenes.iter_mut().try_for_each(|scene| prescribe(scene, given))?;
         }
-        let default = SimulatorOptions::default();
+        let default = scenes.first().map_or_else(SimulatorOptions::default, SimulatorOptions::of);
         let options = SimulatorOptions {
             instances: num_envs.unwrap_or(scenes.len()),
             dt: number("dt", dt, default.dt)?,

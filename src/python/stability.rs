@@ -67,7 +67,7 @@ fn users_level(py: Python<'_>) -> PyResult<i32> {
 }
 
 /// One speed for all axes, or one for each.
-fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
+pub fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
     let Some(given) = given else { return Ok(None) };
     match read("speed", given)? {
         (shape, numbers) if shape.is_empty() => Ok(Some([numbers[0]; 6])),

@@ -65,7 +65,7 @@ impl Task {
 
     #[new]
     #[pyo3(signature = (
-        scene, options, *, num_envs=1, integrator="mk4", dtype="float64", threads=None, autoreset="disabled",
+        scene, options, *, num_envs=1, integrator=None, dtype="float64", threads=None, autoreset="disabled",
         max_episode_steps=None, error_estimate=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
@@ -74,7 +74,7 @@ impl Task {
         scene: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         num_envs: usize,
-        integrator: &str,
+        integrator: Option<String>,
         dtype: &str,
         threads: Option<usize>,
         autoreset: &str,
@@ -82,16 +82,18 @@ impl Task {
         error_estimate: Option<bool>,
     ) -> PyResult<Self> {
         let (precision, autoreset) = (one_of("dtype", dtype, DTYPES)?, one_of("autoreset_mode", autoreset, MODES)?);
-        let options = TaskOptions::from_value(scene::tree(options)?).or_raise()?;
+        let scene = scene::read(scene)?;
+        let options = TaskOptions::from_value(scene::tree(options)?, &scene.integration()).or_raise()?;
+        let default = SimulatorOptions::of(&scene);
         let simulator = SimulatorOptions {
             instances: num_envs,
-            integrator: integrator.to_owned(),
+            integrator: integrator.unwrap_or(default.integrator),
             precision,
             threads,
             error_estimate,
-            ..SimulatorOptions::default()
+            ..default
         };
-        let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps).or_raise()?;
+        let batch = TaskBatch::new(scene, options, simulator, autoreset, max_episode_steps).or_raise()?;
         let info = InfoForm::new(py, batch.task().metric_names())?;
         Ok(Self { batch, info })
     }

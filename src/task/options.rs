@@ -8,6 +8,7 @@ use super::registry::TaskKind;
 use super::reward::RewardWeights;
 use super::settings::settings;
 use crate::control::ActionKind;
+use crate::description::Integration;
 use crate::error::TaskError;
 
 settings! {
@@ -73,6 +74,19 @@ impl TaskOptions {
     /// Control period `dt * substeps`, s.
     pub fn control_period(&self) -> f64 {
         self.dt * f64::from(self.substeps)
+    }
+
+    /// The same control period in steps for this integration of the scene. A task whose default step is half of the general one
+    /// has half of the scene's step.
+    pub(super) fn divided_for(self, integration: &Integration) -> Self {
+        let step = self.dt * (integration.step / Integration::default().step);
+        if step == self.dt {
+            return self;
+        }
+        let period = self.control_period();
+        // A whole number of steps within rounding is that number.
+        let substeps = (period / step - 1e-9).ceil().max(1.0);
+        Self { dt: period / substeps, substeps: substeps as u32, ..self }
     }
 
     /// Refuses shared options out of their ranges.

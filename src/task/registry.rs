@@ -9,6 +9,7 @@ use super::dock::Dock;
 use super::ee_track::EETrack;
 use super::options::TaskOptions;
 use super::station_keep::StationKeep;
+use crate::description::Integration;
 use crate::error::TaskError;
 
 /// Declares the tasks: [`TaskKind`] and the macro `dispatch_task`.
@@ -97,11 +98,12 @@ impl TaskOptions {
         defaults_of(name).ok_or_else(|| TaskError::Options(format!("task is '{name}', but must be one of {}", known())))
     }
 
-    /// From plain values over the defaults of the task that `task` names, by default station keeping.
+    /// From plain values over the defaults of the task that `task` names, by default station keeping. Without `dt`, the control
+    /// period is `substeps` default steps of the task, and consists of steps for the `integration` of the scene.
     ///
     /// # Errors
     /// `TaskError::Options` for an unknown task or key, or a value of the wrong type.
-    pub fn from_value(value: Value) -> Result<Self, TaskError> {
+    pub fn from_value(value: Value, integration: &Integration) -> Result<Self, TaskError> {
         let Value::Table(mut given) = value else {
             return Err(TaskError::Options("options must be a table".into()));
         };
@@ -111,6 +113,7 @@ impl TaskOptions {
             Some(other) => return Err(TaskError::Options(format!("task is {other}, but must be a name"))),
         };
         let defaults = Self::of(&name)?;
+        let follows = !given.contains_key("dt");
         dispatch_task!(&defaults.task, K, definition => {
             let mut own = table(definition)?;
             let mut shared = table(&defaults)?;
@@ -124,7 +127,8 @@ impl TaskOptions {
                 }
             }
             let own: K = read(own)?;
-            Ok(Self { task: own.into(), ..read(shared)? })
+            let options = Self { task: own.into(), ..read(shared)? };
+            Ok(if follows { options.divided_for(integration) } else { options })
         })
     }
 

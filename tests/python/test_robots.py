@@ -82,8 +82,10 @@ def test_warnings_are_lines_with_key_and_numbers() -> None:
     assert uvms_gym.lint_scene("petasus-pum") == []
     scene = uvms_gym.load_scene("bluerov2-heavy")
     scene["vehicle"]["body"]["mass"] = 1.35
-    (doubt,) = uvms_gym.lint_scene(scene)
-    assert doubt.startswith("vehicle.body.volume: ") and "rises" in doubt
+    balance, density, thrust = uvms_gym.lint_scene(scene)
+    assert balance.startswith("vehicle.body.volume: ") and "rises" in balance
+    assert density.startswith("vehicle.body.volume: 1.3500 kg in ") and "kg/m3" in density
+    assert thrust.startswith("vehicle.thrusters: ") and "% of its limit" in thrust
 
 
 def test_the_template_passes_its_check_and_is_an_environment(
@@ -109,7 +111,8 @@ def test_check_shows_warnings_and_a_balance(tmp_path: Path, capsys: pytest.Captu
     assert "warning: vehicle.body.volume: all bodies weigh 27.0000 kg" in out and "net weight in water, N" in out
     found = json.loads(numbers.read_text())
     assert found["summary"]["mass, kg"] == 27.0 and found["summary"]["degrees of freedom"] == 6
-    assert len(found["warnings"]) == 1 and found["recommended_step"] == 0.02
+    assert len(found["warnings"]) == 2 and "54 % of its limit" in found["warnings"][1]
+    assert (found["recommended"]["integrator"], found["recommended"]["step"]) == ("mk4", 0.01)
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     assert main(["scenes", "check", "rexrov", "--strict"]) == 0
     capsys.readouterr()
@@ -119,8 +122,8 @@ def test_check_shows_warnings_and_a_balance(tmp_path: Path, capsys: pytest.Captu
     path.write_text(uvms_gym.dump_scene(scene))
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     out = capsys.readouterr().out
-    assert "warning: joint 4 (gripper): the environments' step of 0.01 s is unstable" in out
-    assert "too stiff" in out
+    assert "warning: integration: mk4 at 0.01 s is unstable for joint 4 (gripper)" in out
+    assert "ros2, 0.01 s" in out
 
 
 def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,6 +40,9 @@ def test_defaults_match_the_native_module(task):
         if name in GROUPS:
             assert value is None
             assert GROUPS[name].keys() == native[name].keys(), name
+        elif name == "dt":
+            # None: half of the scene's step in end-effector tracking, else the step.
+            assert value is None and native[name] == (0.005 if task == "ee-track" else 0.01)
         elif name not in PYTHON:
             assert (value, type(value)) == (native[name], type(native[name])), name
 

@@ -226,6 +226,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         vehicle,
         arm: (links > 0 || has_base).then_some(arm),
         payload: payload.then(|| Payload { frame: random.frame(0.1), body: random.body(2.0, 0.3, dry) }),
+        integration: None,
         provenance: Provenance::default(),
     };
     if let Err(error) = scene.check() {

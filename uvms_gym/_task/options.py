@@ -65,17 +65,20 @@ class TaskOptions:
         Name of a shipped scene with thrusters, path of a TOML file, or a dict.
     action : {"wrench", "thrusters", "residual"}
         Meaning of an action's entries; see the environment's action space.
-    dt : float
-        Physics step, s, in (0, 1]; by default 0.01, in end-effector tracking 0.005. At 0.01 s the median error at the
-        end effector after 10 s of driven motion is 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32; `uvms accuracy`). A step
-        too large for the scene raises a `uvms_gym.StepWarning`, once, at the first `step`.
+    dt : float or None
+        Physics step, s, in (0, 1]. None: the scene's step (`integration.step`, 0.01 where it states none), in
+        end-effector tracking half of it, or a shorter one that divides the control period. At 0.01 s the median error
+        at the end effector after 10 s of driven motion is 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32; `uvms
+        accuracy`). A step too large for the scene raises a `uvms_gym.StepWarning`, once, at the first `step`.
         `uvms accuracy --env ID --scene FILE` measures the errors over an environment's own episodes, and recommends
         a step.
     substeps : int
         Physics steps per control period, 1 to 10000; by default a period of 0.05 s. Changing only `dt` changes the
-        control period.
-    integrator : str
-        Name of an integrator; see `uvms_gym.integrators`.
+        control period. Without `dt` these are steps of 0.01 s (0.005 s in end-effector tracking), and the scene's
+        step divides the same period.
+    integrator : str or None
+        Name of an integrator; see `uvms_gym.integrators`. None: the scene's (`integration.integrator`, "mk4" where it
+        states none).
     dtype : {"float64", "float32"}
         Number type of the physics.
     max_current : float
@@ -136,9 +139,9 @@ class TaskOptions:
 
     scene: Scene = "petasus-pum"
     action: Literal["wrench", "thrusters", "residual"] = "wrench"
-    dt: float = 0.01
+    dt: float | None = None
     substeps: int = 5
-    integrator: str = "mk4"
+    integrator: str | None = None
     dtype: Literal["float64", "float32"] = "float64"
     max_current: float = 0.3
     start_distance: float = 0.05
@@ -164,11 +167,13 @@ class TaskOptions:
         """Check types and counts; ranges are checked by the native module."""
         for field in fields(self):
             name, value, default = field.name, getattr(self, field.name), field.default
+            if name == "integrator" and not isinstance(value, str | None):
+                raise TypeError(f"integrator is {value!r}, but must be a string or None")
             if isinstance(default, str) and name != "scene" and not isinstance(value, str):
                 raise TypeError(f"{name} is {value!r}, but must be a string")
             if isinstance(default, bool) and not isinstance(value, (bool, np.bool_)):
                 raise TypeError(f"{name} is {value!r}, but must be True or False")
-            if isinstance(default, float) or (name == "thruster_lag" and value is not None):
+            if isinstance(default, float) or (name in ("dt", "thruster_lag") and value is not None):
                 _check_number(name, value)
             if name in GROUPS:
                 _check_group(name, value)

@@ -53,7 +53,7 @@ def bench(
         list[str] | None, several("Instruction set, as UVMS_INSTRUCTION_SET names it", "the widest")
     ] = None,
     substeps: Annotated[list[int] | None, _counts("Steps per call", ", ".join(map(str, SUBSTEPS)), 1000)] = None,
-    integrator: Annotated[str, Option(help="Integrator.")] = "mk4",
+    integrator: Annotated[str | None, Option(help="Integrator. [default: each scene's]")] = None,
     repeats: Annotated[
         int | None, ranged(f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]", 1, MOST_REPEATS)
     ] = None,
@@ -72,7 +72,7 @@ def bench(
     All cases of a table are timed in turn, round by round: medians with quartiles. Prints tables and writes a picture
     and bench.json to --out.
     """
-    check_known("integrator", [integrator], [entry["name"] for entry in uvms_gym.integrators()])
+    check_known("integrator", [integrator] if integrator else (), [entry["name"] for entry in uvms_gym.integrators()])
     for name in dtype or ():
         if name not in DTYPES:
             raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")

@@ -32,7 +32,7 @@ def print_all(results: dict[str, Any], run: dict[str, Any]) -> None:
         "interleaved rounds after one to warm up, [quartiles]; all states finite. Times are CPU time of the process "
         "for one thread, wall-clock time for several."
     )
-    _print_physics(results["physics"], arguments["integrator"])
+    _print_physics(results["physics"])
     if results["parameters"]:
         rows = [
             (*_kind(row), row["instruction_set"], spread(row["percent"], 1.0, 1) + " %", row["bytes"])
@@ -55,14 +55,15 @@ def _kind(row: Mapping[str, Any]) -> tuple[str, str]:
     return row["scene"], SHORT[row["dtype"]]
 
 
-def _print_physics(found: Sequence[dict[str, Any]], integrator: str) -> None:
+def _print_physics(found: Sequence[dict[str, Any]]) -> None:
     rows = []
+    names = dict.fromkeys(row["integrator"] for row in found)
     for row in found:
         if not row["varied"]:
             counts = (row[name] for name in ("instruction_set", "threads", "n", "substeps"))
             times = (spread(row["seconds"], NS), f"{NS * row['seconds']['minimum']:.0f}")
             rows.append((*_kind(row), *counts, *times, f"{1e-6 * row['steps_per_second']:.3f}", row["bytes"]))
-    name = integrator.upper() if integrator.startswith("mk") else integrator
+    name = ", ".join(name.upper() if name.startswith("mk") else name for name in names)
     header = ("scene", "", "instructions", "threads", "n", "substeps", "ns", "minimum", "M steps/s", "bytes")
     table(f"{name}: ns per step and instance, bytes per instance", header, rows, text_columns=3)
 

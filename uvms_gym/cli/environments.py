@@ -6,7 +6,9 @@ from typing import Annotated, Any
 import gymnasium
 from typer import Option
 
-from uvms_gym.cli.common import fail, user_errors
+from uvms_gym.cli.common import fail, read_scene, user_errors
+from uvms_gym.cli.options import ranged
+from uvms_gym.envs import TaskOptions
 from uvms_gym.training.hyperparameters import parse_pairs
 
 Scene = Annotated[
@@ -19,6 +21,21 @@ EnvKwargs = Annotated[
         help="Argument of the environment, such as substeps:5, scene:FILE.toml or disturbance:storm; may be repeated.",
     ),
 ]
+
+Integrator = Annotated[str | None, Option(metavar="NAME", help="Integrator. [default: the scene's, or mk4]")]
+Step = Annotated[
+    float | None,
+    ranged("Step, s, in the same control period. [default: the scene's, or 0.01]", 1e-6, 1.0, "--dt", metavar="STEP"),
+]
+
+
+def stating_integration(arguments: dict[str, Any], integrator: str | None, step: float | None) -> dict[str, Any]:
+    """Arguments of an environment whose scene states this integrator and step, where they are given."""
+    given = {key: value for key, value in (("integrator", integrator), ("step", step)) if value is not None}
+    if not given:
+        return arguments
+    scene = read_scene(arguments.get("scene", TaskOptions.scene))
+    return {**arguments, "scene": {**scene, "integration": {**scene.get("integration", {}), **given}}}
 
 
 def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:

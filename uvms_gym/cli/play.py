@@ -10,7 +10,15 @@ import gymnasium
 from typer import Option
 
 from uvms_gym.cli.common import fail, line, need, prepare, progress, read_scene, user_errors
-from uvms_gym.cli.environments import EnvKwargs, Scene, check_environment, environment_arguments
+from uvms_gym.cli.environments import (
+    EnvKwargs,
+    Integrator,
+    Scene,
+    Step,
+    check_environment,
+    environment_arguments,
+    stating_integration,
+)
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.options import CONTROLLER_HELP, Policies, ranged
 from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
@@ -35,6 +43,8 @@ def play(
     ] = None,
     scene: Scene = None,
     env_kwargs: EnvKwargs = None,
+    integrator: Integrator = None,
+    dt: Step = None,
     controller: Annotated[
         str | None, Option(metavar="NAME", help=f"{CONTROLLER_HELP}. [default: the task's reference, such as pd]")
     ] = None,
@@ -89,6 +99,7 @@ def play(
     arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance)
     if isinstance(given := arguments.get("scene"), str):
         read_scene(given)
+    arguments = stating_integration(arguments, integrator, dt)
     level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
         if other:

@@ -1,6 +1,8 @@
 """`uvms scenes`: list, show, check. The other subcommands are in `explain` and `robots`."""
 
+import itertools
 import math
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -10,6 +12,7 @@ import uvms_gym
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
+from uvms_gym.cli.scene_file import write_integration
 from uvms_gym.studies.numerics import bodies, buoyancy_of
 
 Speed = Annotated[
@@ -24,10 +27,6 @@ Speed = Annotated[
 
 #: Number of modes in tables.
 SHOWN = 8
-#: Default integrator and step of the environments, s.
-DEFAULT = ("mk4", 0.01)
-#: Steps that can be recommended, s.
-STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 
 def list_scenes() -> None:
@@ -76,41 +75,90 @@ def check(
     scene: SceneArgument,
     speed: Speed = None,
     strict: Annotated[bool, Option("--strict", help="Exit status 1 if there are warnings.")] = False,
+    write: Annotated[
+        bool, Option("--write", help="Write the recommended integrator and step into the file; all else stays.")
+    ] = False,
     json_file: Json = None,
 ) -> None:
-    """Check a scene, and show its warnings, balance, fastest modes and stable steps.
+    """Check a scene: warnings, balance and trim, authority of the thrusters, rates, integrator and step.
 
     A fault is one line with file, key and value, and exit status 2.
     """
     loaded = read_scene(scene)
+    if write and not scene.endswith(".toml"):
+        raise fail(f"--write needs a file of your own, but {scene} is a shipped scene")
     prepare(None, json_file)
     try:
         simulator = uvms_gym.Simulator(loaded)
     except ValueError as error:
         raise fail(f"{scene}: {error}") from None
-    found = uvms_gym.lint_scene(loaded)
-    balance = _balance(simulator)
-    steps = simulator.stable_steps(speed)
-    maximum = steps[DEFAULT[0]]
-    if maximum < DEFAULT[1]:
-        fastest = [mode["what"] for mode in simulator.modes(speed) if not mode["end_stop"]]
-        what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the maximum stable one is {maximum:.2g} s"
-        found.append(f"{fastest[0] if fastest else 'end stops'}: {what}")
-    step = next((step for step in STEPS if 1.5 * step <= maximum), None)
+    # The file as it stands: reading makes rounded matrices symmetric.
+    found, assessed = uvms_gym.lint_scene(scene), uvms_gym.assess_scene(loaded)
+    advice = uvms_gym.recommend_integration(loaded, speed)
+    maximum = _stable_step(simulator, speed)
+    if simulator.dt > maximum:
+        what = next((f" for {mode['what']}" for mode in simulator.modes(speed) if not mode["end_stop"]), "")
+        what = f"{simulator.integrator} at {simulator.dt:g} s is unstable{what}, beyond a step of {maximum:.2g} s"
+        found.append(f"integration: {what}; --write states the recommended one")
+    if not advice["accurate"]:
+        found.append(f"integration: no integrator and step of those tried follows the motion: {advice['reason']}")
     console.print(f"{loaded['name']}: no fault found", markup=False)
     for warning in found:
         console.print(f"warning: {warning}", markup=False)
     console.print()
+    balance = _balance(simulator)
     rows = [(name, f"{value:.6g}") for name, value in balance.items()]
-    advice = f"{step:g}" if step is not None else "none: too stiff"
-    table("Summary", ("", ""), [*rows, ("recommended step of mk4, s", advice)])
+    used, wanted = f"{simulator.integrator}, {simulator.dt:g} s", f"{advice['integrator']}, {advice['step']:g} s"
+    table("Summary", ("", ""), [*rows, ("integration", used), ("recommended integration", wanted)])
+    say(f"Recommended integration: {advice['reason']}.")
+    _show_assessment(simulator, assessed)
     modes, steps_shown = _show_rates(simulator, speed)
+    if write:
+        write_integration(Path(scene), advice["integrator"], advice["step"], advice["reason"])
+        say(f"wrote [integration] into {scene}")
     if json_file is not None:
         data = [{**mode, "rate": [mode["rate"].real, mode["rate"].imag]} for mode in modes]
-        summary = {"scene": loaded["name"], "speed": speed, "warnings": found, "summary": balance}
-        write_json(json_file, {**summary, "recommended_step": step, "modes": data, "stable_steps": steps_shown})
+        summary = {"scene": loaded["name"], "speed": speed, "warnings": found, "summary": balance, **assessed}
+        write_json(json_file, {**summary, "recommended": advice, "modes": data, "stable_steps": steps_shown})
     if strict and found:
         raise typer.Exit(1)
+
+
+def _stable_step(simulator: uvms_gym.Simulator, speed: float | None) -> float:
+    """Maximum stable step of the scene's integrator with any servos on or off, s."""
+    choices = itertools.product((False, True), repeat=2)
+    steps = [simulator.stable_steps(speed, joint_servos=one, vehicle_servo=other) for one, other in choices]
+    return min(step[simulator.integrator] for step in steps)
+
+
+def _show_assessment(simulator: uvms_gym.Simulator, assessed: dict[str, Any]) -> None:
+    """Print trim, authority, and rates of the joints."""
+    if (trim := assessed["trim"]) is not None:
+        rows: list[tuple[str, ...]] = [("righting moment, N m/rad", f"{trim['righting_moment']:.4g}")]
+        if trim["equilibrium"] is not None:
+            roll, pitch = (math.degrees(angle) for angle in trim["equilibrium"])
+            rows = [("equilibrium roll, deg", f"{roll:.3g}"), ("equilibrium pitch, deg", f"{pitch:.3g}"), *rows]
+        table("Trim at rest, joints at home", ("", ""), rows)
+        held = [
+            (name, f"{force:.4g}", f"{100.0 * share:.3g}")
+            for names, forces in (
+                (simulator.thruster_names, trim["thrusts"]),
+                (simulator.joint_names, trim["joint_torques"]),
+            )
+            for name, (force, share) in zip(names, forces, strict=True)
+        ]
+        if held:
+            table("To hold it level", ("actuator", "N or N m", "% of the limit"), held)
+    if assessed["authority"]:
+        rows = [
+            (a["axis"], *(f"{x:.4g}" for x in (*a["most"], a["alone"], a["acceleration"])))
+            for a in assessed["authority"]
+        ]
+        table("Authority, N or N m", ("axis", "forward", "backward", "alone", "m/s2 or rad/s2"), rows)
+    if assessed["joints"]:
+        causes = ("inertia", "friction", "servo", "end_stop")
+        rows = [(joint["name"], *(f"{joint[cause]:.3g}" for cause in causes)) for joint in assessed["joints"]]
+        table("Rates of joints by their cause, 1/s", ("joint", "inertia", "friction", "servo", "end stop"), rows)
 
 
 def _freedom(simulator: uvms_gym.Simulator) -> int:

@@ -46,7 +46,7 @@ def register_envs() -> None:
         options = TaskOptions.by_task[task]
         name = options.__name__.removesuffix("Options")
         reward = {"effort": 0.05, "action_rate": options.storm_action_rate}
-        common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / options.dt), "reward": reward}
+        common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / _core.task_defaults(task)["dt"]), "reward": reward}
         variants: dict[str, tuple[int, dict[str, Any]]] = {"": (EPISODE_STEPS, {})}
         variants |= {variant: (_STEPS, {"disturbance": level, **common}) for variant, level in VARIANTS.items()}
         for variant, (steps, arguments) in variants.items():

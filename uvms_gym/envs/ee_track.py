@@ -27,7 +27,6 @@ class EETrackOptions(TaskOptions, task="ee-track"):
         in [0, 10] (0.2).
     """
 
-    dt: float = 0.005
     substeps: int = 10
     reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"] = "mixed"
     reference_size: float = 0.4

@@ -15,7 +15,7 @@ from uvms_gym.identification.least_squares import Solution, minimise
 from uvms_gym.identification.parameters import Parameter, make_parameters
 from uvms_gym.identification.problem import FLOATING, ReplayProblem, counting, predict, rms
 from uvms_gym.identification.recordings import PERIOD, Floats, record
-from uvms_gym.identification.replay import Corrections, Replay, check
+from uvms_gym.identification.replay import Corrections, Replay, check, stated_step
 from uvms_gym.identification.validation import Table, select
 from uvms_gym.logs import Log
 from uvms_gym.logs.log import Scene
@@ -163,12 +163,12 @@ def fit(
         raise ValueError(f"{len(train)} trials to fit, but at least 2 are needed")
     parameters = make_parameters(loaded, free, map_data, priors)
     chosen = counting(train, channels)
-    problem = ReplayProblem(loaded, Replay(train), parameters, chosen)
+    problem = ReplayProblem(loaded, Replay(train, step=stated_step(loaded)), parameters, chosen)
     solution = minimise(problem, report and partial(report, "dynamics"), stoppable=True)
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
     changed = load_scene(changed)
-    everything = Replay(recordings)
+    everything = Replay(recordings, step=stated_step(loaded))
     measured = everything.measured_with(corrections)
     errors = {
         "fitted": predict(changed, everything, chosen, corrections) - measured,
@@ -177,7 +177,9 @@ def fit(
         "constant": everything.constant() - everything.measured,
     }
     if balance:
-        errors["balance fitted"] = _fit_balance(loaded, Replay(train), everything, parameters, report)
+        errors["balance fitted"] = _fit_balance(
+            loaded, Replay(train, step=everything.step), everything, parameters, report
+        )
     table = Table(tuple(names), {name: rms(e) for name, e in errors.items()})
     return Fit(
         start=loaded,

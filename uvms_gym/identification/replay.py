@@ -34,22 +34,31 @@ class Corrections:
     lags: dict[str, float] = field(default_factory=dict)
 
 
+def stated_step(scene: dict[str, Any]) -> float:
+    """Step that a scene states, s; infinite where it states none."""
+    return float(scene.get("integration", {}).get("step", np.inf))
+
+
 class Replay:
     """Inputs of all trials, side by side.
 
     All recordings have the same period. `thrusters` gives thrust as commanded in the logs, else none; with `prescribed`
-    the joints move as in the logs, else the scene's servos follow them.
+    the joints move as in the logs, else the scene's servos follow them. Steps are at most `step`, s.
     """
 
-    def __init__(self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True) -> None:
+    def __init__(
+        self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True, step: float = np.inf
+    ) -> None:
         self.recordings = list(recordings)
-        self.prescribed = prescribed
+        self.prescribed, self.step = prescribed, step
         self.period = self.recordings[0].period
         self.thrusters = thrusters and all(r.log.thrusters is not None for r in self.recordings)
         # (Calls per interval, for a driven vehicle: thrust is no linear function of commands, of which means count.)
         servos = not prescribed and self.recordings[0].log.joints is not None
-        step = SERVO_STEP if servos else DRIVEN_STEP if self.thrusters else STEP
-        self.substeps = max(round(self.period / step), 1)
+        own = SERVO_STEP if servos else DRIVEN_STEP if self.thrusters else STEP
+        self.substeps = max(round(self.period / own), 1)
+        if step < own:
+            self.substeps = max(int(np.ceil(self.period / step - 1e-9)), 1)
         self.measured = padded([r.measured for r in self.recordings])
         for row, r in zip(self.measured, self.recordings):
             row[r.periods + 1 :] = np.nan

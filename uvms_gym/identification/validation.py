@@ -12,7 +12,7 @@ import numpy as np
 from uvms_gym._core import load_scene
 from uvms_gym.identification.problem import counting, predict, rms
 from uvms_gym.identification.recordings import CHANNELS, PERIOD, Floats, Recording, record
-from uvms_gym.identification.replay import Corrections, Replay, check
+from uvms_gym.identification.replay import Corrections, Replay, check, stated_step
 from uvms_gym.logs import Log
 from uvms_gym.logs.log import Scene
 
@@ -120,7 +120,8 @@ def validate(
     loaded = load_scene(scene)
     recordings = [record(log, period) for log in logs]
     check(loaded, recordings)
-    replay = Replay(recordings, thrusters=thrusters == "log", prescribed=joints == "prescribed")
+    inputs = {"thrusters": thrusters == "log", "prescribed": joints == "prescribed"}
+    replay = Replay(recordings, **inputs, step=stated_step(loaded))
     channels = counting(recordings, thrusters=thrusters == "log")
     replayed = predict(loaded, replay, channels, Corrections())
     predicted = {"replay": replayed, "balance": replay.balance(loaded), "constant": replay.constant()}

@@ -133,7 +133,7 @@ impl ModalAnalysis {
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;
         for (speed, joint) in joint_speeds.iter_mut().zip(&joints) {
-            *speed = joint.speed.unwrap_or(of_kind(joint, JOINT_SPEED));
+            *speed = joint_speed(joint);
         }
 
         let mut samples = Vec::new();
@@ -256,7 +256,7 @@ impl ModalAnalysis {
 }
 
 /// Home, and [`SPREAD`] configurations within the limits, by the additive recurrence of the generalised golden ratio.
-fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
+pub fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
     let home = (scene.home(), "at home".to_owned());
     let n = joints.len();
     if n == 0 {
@@ -276,6 +276,11 @@ fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
         (q, format!("at q = [{}]", text.join(", ")))
     });
     std::iter::once(home).chain(spread).collect()
+}
+
+/// Expected speed of a joint: its maximum, or the usual one of its kind, rad/s or m/s.
+pub fn joint_speed(joint: &Joint) -> f64 {
+    joint.speed.unwrap_or(of_kind(joint, JOINT_SPEED))
 }
 
 /// The entry for a revolute or a prismatic joint.

@@ -33,7 +33,10 @@ fn slips_are_reported_by_key_and_number() {
     assert!(forward((0, 0), 8.0).is_empty());
     let cases: [(&str, Vec<String>); 10] = [
         ("vehicle.body.volume: all bodies weigh 40.0000 kg", changed(|s| s.vehicle.body.mass = 40.0)),
-        ("vehicle.body.volume: 13.5000 kg in a volume of 0.0137", changed(|s| s.vehicle.body.volume = Some(1.37e-5))),
+        (
+            "vehicle.body.volume: 13.5000 kg in 1.370e-5 m3 are 985401.4599 kg/m3",
+            changed(|s| s.vehicle.body.volume = Some(1.37e-5)),
+        ),
         (
             "vehicle.body.center_of_buoyancy: is 0.0300 m below",
             changed(|s| s.vehicle.body.center_of_buoyancy = Vector3::new(0.0, 0.0, -0.05)),

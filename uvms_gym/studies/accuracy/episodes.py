@@ -89,17 +89,17 @@ def frame(case: Case) -> Frame:
     envs = gymnasium.make_vec(case.env, num_envs=1, **case.options)
     try:
         inner: TaskVectorEnv = envs.unwrapped  # type: ignore[assignment]
-        options = inner.options
+        options, simulator = inner.options, inner.snapshot()
         classical = BASELINE[inner.task]
         policies = [name for name in registry.available(envs) if is_learned(name)]
         drives = {name: make_controller(name, envs) for name in (classical, *policies[:1])}
         return Frame(
             inner.task,
-            float(f"{options.dt * options.substeps:.12g}"),
+            float(f"{1.0 / inner.metadata['render_fps']:.12g}"),
             int(case.options.get("max_episode_steps", gymnasium.registry[case.env].max_episode_steps) or 0),
-            Configuration(options.integrator, options.dtype, options.dt),
+            Configuration(simulator.integrator, options.dtype, simulator.dt),
             # Joint servos are on, and random actions reach the end stops.
-            inner.snapshot().stable_steps(vehicle_servo=False),
+            simulator.stable_steps(vehicle_servo=False),
             inner.layout,
             {RANDOM: None, **drives},
         )

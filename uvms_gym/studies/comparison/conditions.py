@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
+from uvms_gym._core import task_defaults
 from uvms_gym._task.options import check_count
 from uvms_gym.controllers.families import TASKS
 from uvms_gym.disturbances import disturbance_levels
@@ -208,8 +209,8 @@ def _condition(env: str, scene: str, level: str | None, departure: str, base: Op
     chosen = DEPARTURES[departure]
     options = {**base, **chosen.change(base)}
     if (period := options.pop("period", None)) is not None:
-        chosen_options = TaskOptions.by_task[options["task"]]
-        dt, before = (options.get(name, getattr(chosen_options, name)) for name in ("dt", "substeps"))
+        defaults = task_defaults(options["task"])
+        dt, before = (options.get(name) or defaults[name] for name in ("dt", "substeps"))
         substeps = max(1, round(period / dt))
         options["substeps"], steps = substeps, round(steps * before / substeps)
     designed = options if chosen.known else base

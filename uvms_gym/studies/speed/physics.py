@@ -23,14 +23,14 @@ PAYLOAD = 0.5
 
 
 class Setting(NamedTuple):
-    """A case of the study. `instruction_set` None: the instruction set of this process."""
+    """A case of the study. None: the scene's integrator, the instruction set of this process."""
 
     scene: dict[str, Any]
     n: int = 1024
     threads: int = 1
     dtype: str = "float64"
     substeps: int = 10
-    integrator: str = "mk4"
+    integrator: str | None = None
     varied: bool = False
     instruction_set: str | None = None
     seed: int = 0
@@ -63,8 +63,9 @@ class Stepping(Case):
         return s.position, s.rotation, s.twist, s.q, s.qd
 
     def facts(self) -> dict[str, Any]:
-        """Instruction set of the kernel, and memory per instance."""
-        return {"instruction_set": self.simulator.instruction_set, "bytes": self.simulator.bytes_per_env}
+        """Integrator, instruction set of the kernel, and memory per instance."""
+        s = self.simulator
+        return {"integrator": s.integrator, "instruction_set": s.instruction_set, "bytes": s.bytes_per_env}
 
 
 def start(simulator: Simulator, rng: np.random.Generator) -> dict[str, Floats]:
