@@ -33,6 +33,7 @@ except ModuleNotFoundError as error:
 from uvms_gym import controllers as controllers
 from uvms_gym import disturbances as disturbances
 from uvms_gym import envs as envs
+from uvms_gym import export as export
 from uvms_gym import inputs as inputs
 from uvms_gym import logs as logs
 from uvms_gym import planning as planning
@@ -57,6 +58,7 @@ from uvms_gym.controllers import (
 from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
+from uvms_gym.export import export_mjcf, export_urdf
 from uvms_gym.inputs import StepInputs
 from uvms_gym.logs import Log, LogError, LogMap
 from uvms_gym.planning import Trajectory, optimize_trajectory
@@ -95,6 +97,8 @@ __all__ = [
     "disturbance_levels",
     "dump_scene",
     "estimate",
+    "export_mjcf",
+    "export_urdf",
     "import_urdf",
     "integrators",
     "lint_scene",

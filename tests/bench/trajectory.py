@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator, load_scene, optimize_trajectory
-from uvms_gym.studies.numerics import joints as joints_of
-from uvms_gym.studies.speed.rigid_chain import dry
+from uvms_gym._scene import joints as joints_of
+from uvms_gym.studies.speed.rigid_bodies import dry
 
 PROBLEMS, PERIODS, PERIOD, MOST, TOLERANCE = 20, 20, 0.1, 100, 1e-9
 WEIGHTS = {"position": 1.0, "attitude": 1.0, "end_effector": 10.0, "twist": 1.0, "qd": 0.1}

@@ -8,11 +8,12 @@ import pytest
 
 import uvms_gym
 from uvms_gym import Simulator, load_scene
+from uvms_gym._scene import joints
 from uvms_gym.cli import accuracy, main
 from uvms_gym.studies.accuracy import conservation, work_precision
 from uvms_gym.studies.accuracy import driven_motion as motion
 from uvms_gym.studies.accuracy.work_precision import Setting
-from uvms_gym.studies.numerics import joints, state_errors
+from uvms_gym.studies.numerics import state_errors
 
 PNG = b"\x89PNG\r\n\x1a\n"
 EXPLICIT = ("mk1", "mk2", "mk3", "mk4")

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from uvms_gym import Simulator, load_scene
+from uvms_gym._scene import joints
 from uvms_gym.cli import main
 from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
-from uvms_gym.studies.speed.rigid_chain import chain, dry
+from uvms_gym.studies.speed.rigid_bodies import dry, rigid_bodies
 from uvms_gym.studies.speed.timing import Times
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -195,7 +196,7 @@ def test_val_peers_have_the_same_rigid_bodies(scene: str) -> None:
     found = peers.dry_difference(loaded)
     assert set(found) == {"mujoco", "pinocchio"}
     assert all(off < 1e-10 for off in found.values())
-    masses = [link.mass for link in chain(loaded)]
+    masses = [link.matter.mass for link in rigid_bodies(loaded) if link.matter]
     model = mujoco_model.build(loaded)
     np.testing.assert_allclose(model.body_mass[1:], masses, rtol=1e-14)
     inertias = pinocchio_model.build(loaded).inertias
@@ -208,10 +209,12 @@ def test_a_peer_with_another_mass_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     from uvms_gym.studies.speed import mujoco_model
 
     def heavier(scene: dict[str, Any]) -> Any:
-        first, second, *others = chain(scene)
-        return [first, second._replace(mass=second.mass * (1.0 + 1e-6)), *others]
+        first, second, *others = rigid_bodies(scene)
+        assert second.matter is not None
+        matter = second.matter._replace(mass=second.matter.mass * (1.0 + 1e-6))
+        return [first, second._replace(matter=matter), *others]
 
-    monkeypatch.setattr(mujoco_model, "chain", heavier)
+    monkeypatch.setattr(mujoco_model, "rigid_bodies", heavier)
     with pytest.raises(ValueError, match="dry accelerations of mujoco differ"):
         peers.dry_difference(load_scene("petasus-pum"))
 
@@ -285,7 +288,7 @@ def test_val_derivatives_of_pinocchio_are_those_of_linearize(scene: str) -> None
     A, B = (found[0] for found in simulator.linearize(wrench=wrench, joint_torque=torque))
     rates = model.nv
     viscous = np.zeros(rates)
-    viscous[6:] = [link.joint["friction"]["viscous"] for link in chain(vacuum)[1:] if link.joint]
+    viscous[6:] = [joint["friction"]["viscous"] for joint in joints(vacuum)]
     place = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"]))
     q, v = np.concatenate([place, state["q"]]), np.concatenate([state["twist"], state["qd"]])
     tau = np.concatenate([wrench, torque]) - viscous * v

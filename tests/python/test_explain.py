@@ -12,9 +12,9 @@ pytest.importorskip("typer")
 
 from uvms_gym import Simulator, load_scene, scene_names
 from uvms_gym._rotations import about
+from uvms_gym._scene import joints
 from uvms_gym.cli import explain, main
 from uvms_gym.studies.accuracy.driven_motion import Track, driven_motion
-from uvms_gym.studies.numerics import joints
 from uvms_gym.studies.terms import ablation
 from uvms_gym.studies.terms import scene_terms as terms
 

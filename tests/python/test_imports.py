@@ -13,11 +13,12 @@ import uvms_gym
 LAYERS = (
     ("uvms_gym.inputs",),
     ("uvms_gym._core", "uvms_gym._extras", "uvms_gym._files", "uvms_gym._rotations"),
-    ("uvms_gym._task", "uvms_gym._step"),
+    ("uvms_gym._scene", "uvms_gym._task", "uvms_gym._step"),
     (
         "uvms_gym.controllers",
         "uvms_gym.envs",
         "uvms_gym.disturbances",
+        "uvms_gym.export",
         "uvms_gym.logs",
         "uvms_gym.planning",
         "uvms_gym.robots",

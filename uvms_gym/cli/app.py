@@ -21,6 +21,7 @@ from uvms_gym.cli.compare import compare, verify
 from uvms_gym.cli.controllers import controllers
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
+from uvms_gym.cli.export import export
 from uvms_gym.cli.fit import fit
 from uvms_gym.cli.hard_cases import hard_cases
 from uvms_gym.cli.play import play
@@ -55,7 +56,7 @@ _register(
     app, reproduce, compare, verify, controllers, disturbances, play, train, validate, fit, accuracy, hard_cases, bench
 )
 _register(scenes_app, list=scenes.list_scenes)
-_register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate)
+_register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
 _register(scenes_app, **{"import": robots.import_arm})
 app.add_typer(scenes_app, name="scenes")
 

@@ -45,6 +45,7 @@ def _search(folder: Path | None) -> Path | None:
 
 Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
 Json = Annotated[Path | None, Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
+Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
 #: Folder of policies; commands need not look at the value.
 Policies = Annotated[
     Path | None,

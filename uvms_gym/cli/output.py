@@ -9,7 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from uvms_gym.cli.common import console, line, user_errors
+from uvms_gym._files import write
+from uvms_gym.cli.common import console, fail, line, prepare, user_errors
 from uvms_gym.studies import records
 
 #: Blanks between columns, share of a line for the first columns beside numbers, and the longest unbroken cell.
@@ -69,6 +70,19 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write data as JSON."""
     with user_errors(verb="write"):
         records.write_json(path, data)
+
+
+def write_text(text: str, out: Path | None, force: bool, option: str = "--out") -> None:
+    """Write a text to a file, whose option errors name, or to the terminal; an existing file only by `force`."""
+    if out is None:
+        print(text, end="")
+        return
+    if out.exists() and not force:
+        raise fail(f"{out} exists: give another {option}, or --force to overwrite it")
+    prepare(None, out)
+    with user_errors(verb="write"):
+        write(out, text)
+    line(f"wrote {out}")
 
 
 def write_results(out: Path, files: Sequence[str], json_file: Path | None, data: dict[str, Any]) -> None:

@@ -7,16 +7,14 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym._files import write
 from uvms_gym.cli.common import console, fail, prepare, user_errors
-from uvms_gym.cli.options import Json
-from uvms_gym.cli.output import write_json
+from uvms_gym.cli.options import Force, Json
+from uvms_gym.cli.output import write_json, write_text
 from uvms_gym.robots import import_with_notes
 
 File = Annotated[
     Path | None, Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
 ]
-Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
 
 
 def _shapes(dimensions: str, text: str) -> Any:
@@ -25,7 +23,7 @@ def _shapes(dimensions: str, text: str) -> Any:
 
 def template(out: File = None, force: Force = False) -> None:
     """Print or write a scene with every key, units and defaults in comments."""
-    _write(uvms_gym.scene_template(), out, force)
+    write_text(uvms_gym.scene_template(), out, force)
 
 
 def estimate(
@@ -84,7 +82,7 @@ def estimate(
             found = uvms_gym.estimate(given, table=table)
         except uvms_gym.SceneError as error:
             raise _of_options(error, box, cylinder, capsule, ellipsoid) from None
-    _write(found["toml"], out, force)
+    write_text(found["toml"], out, force)
     if json_file is not None:
         write_json(json_file, {"table": table, "body": found["body"], "formulas": found["formulas"]})
 
@@ -117,22 +115,10 @@ def import_arm(
         warnings = uvms_gym.lint_scene(scene)
     heading = [f"{urdf.name} on the vehicle of {vehicle}, by uvms scenes import.", *notes]
     text = "".join(f"# {line}\n" for line in heading) + uvms_gym.dump_scene(scene)
-    _write(text, out, force)
+    write_text(text, out, force)
     if out is not None:
         for note in [*notes, *(f"warning: {warning}" for warning in warnings)]:
             console.print(f"- {note}", markup=False)
-
-
-def _write(text: str, out: Path | None, force: bool) -> None:
-    if out is None:
-        print(text, end="")
-        return
-    if out.exists() and not force:
-        raise fail(f"{out} exists: give another --out, or --force to overwrite it")
-    prepare(None, out)
-    with user_errors(verb="write"):
-        write(out, text)
-    console.print(f"wrote {out}", markup=False)
 
 
 def _numbers(option: str, text: str) -> list[float]:

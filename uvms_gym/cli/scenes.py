@@ -9,11 +9,11 @@ import typer
 from typer import Option
 
 import uvms_gym
+from uvms_gym._scene import bodies, buoyancy_of
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.cli.scene_file import write_integration
-from uvms_gym.studies.numerics import bodies, buoyancy_of
 
 Speed = Annotated[
     float | None,
@@ -47,11 +47,9 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
     console.print(loaded["name"], style="bold", markup=False)
     console.print(" ".join(loaded["summary"].split()), markup=False)
     console.print()
-    water, links = loaded["water"], loaded.get("arm", {}).get("links", [])
-    named = [("vehicle", loaded["vehicle"]["body"]), *((link["name"], link["body"]) for link in links)]
     rows: list[tuple[str, ...]] = []
-    for name, body in named:
-        buoyancy, of_litre = buoyancy_of(body, water), buoyancy_of({"volume": 1e-3}, water)
+    for name, body in bodies(loaded):
+        buoyancy, of_litre = (buoyancy_of(part, loaded["water"]) for part in (body, {"volume": 1e-3}))
         # Scenes give the volume or the buoyancy.
         volume = 1e3 * body["volume"] if "volume" in body else buoyancy / of_litre if of_litre else 0.0
         rows.append((name, f"{body['mass']:.4g}", f"{volume:.4g}", f"{buoyancy:.4g}"))
@@ -167,9 +165,9 @@ def _freedom(simulator: uvms_gym.Simulator) -> int:
 
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     scene = simulator.scene
-    mass = sum(body["mass"] for body in bodies(scene))
+    mass = sum(body["mass"] for _, body in bodies(scene))
     weight = mass * math.hypot(*scene["water"]["gravity"])
-    buoyancy = sum(buoyancy_of(body, scene["water"]) for body in bodies(scene))
+    buoyancy = sum(buoyancy_of(body, scene["water"]) for _, body in bodies(scene))
     return {
         "degrees of freedom": _freedom(simulator),
         "joints": simulator.num_joints,

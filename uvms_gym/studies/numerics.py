@@ -1,6 +1,5 @@
 """Small numerical helpers that several studies share."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -44,30 +43,3 @@ def loglog_interpolation(x: ArrayLike, y: ArrayLike, at: float) -> float:
     k = int(np.clip(np.searchsorted(u, np.log(at)), 1, len(u) - 1))
     slope = (v[k] - v[k - 1]) / (u[k] - u[k - 1])
     return float(np.exp(v[k] + slope * (np.log(at) - u[k])))
-
-
-def matrix_of(values: ArrayLike) -> Floats:
-    """Matrix (n, n) that a scene gives in full or by its diagonal (n,)."""
-    given = np.asarray(values, dtype=np.float64)
-    return np.diag(given) if given.ndim == 1 else given
-
-
-def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
-    """All bodies of a scene as `load_scene` gives it: vehicle, arm base, links, payload."""
-    arm = scene.get("arm") or {}
-    found = [scene["vehicle"]["body"], arm.get("base"), *(link["body"] for link in arm.get("links", []))]
-    return [body for body in [*found, (scene.get("payload") or {}).get("body")] if body]
-
-
-def buoyancy_of(body: dict[str, Any], water: dict[str, Any]) -> float:
-    """Buoyancy of a body, N: as given, or of its volume."""
-    if (given := body.get("buoyancy")) is not None:
-        return float(given)
-    return float(water["density"] * math.hypot(*water["gravity"]) * (body.get("volume") or 0.0))
-
-
-def joints(scene: dict[str, Any]) -> list[dict[str, Any]]:
-    """All joints of a scene as `load_scene` gives it, in the order of every joint array."""
-    arm = scene.get("arm") or {}
-    mount = [arm["mount"]["joint"]] if arm.get("mount", {}).get("joint") else []
-    return mount + [link["joint"] for link in arm.get("links", [])]

@@ -10,9 +10,10 @@ import numpy as np
 
 from uvms_gym import Simulator
 from uvms_gym._core import vehicle_terms
+from uvms_gym._scene import bodies, joints
 from uvms_gym.studies.accuracy.driven_motion import PERIOD
 from uvms_gym.studies.accuracy.work_precision import Setting
-from uvms_gym.studies.numerics import Floats, bodies, joints, median_and_worst
+from uvms_gym.studies.numerics import Floats, median_and_worst
 from uvms_gym.studies.progress import tracked
 
 #: Root mean squares at the start: velocity, m/s; angular velocity and joint rates, rad/s; joint coordinates about home.
@@ -28,7 +29,7 @@ def conservative(scene: dict[str, Any]) -> dict[str, Any]:
     stripped["water"].pop("current", None)
     for term, _ in vehicle_terms():
         stripped["vehicle"].pop(term, None)
-    for body in bodies(stripped):
+    for _, body in bodies(stripped):
         # Buoyancy given as a force would remain without gravity.
         for key in ("damping", "buoyancy"):
             body.pop(key, None)

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym import Simulator, StepWarning
+from uvms_gym._scene import joints
 from uvms_gym.logs.interpolation import hermite
-from uvms_gym.studies.numerics import Floats, joints
+from uvms_gym.studies.numerics import Floats
 
 #: Control period, s: wrenches are constant over it, and joint references are one cubic.
 PERIOD = 0.1

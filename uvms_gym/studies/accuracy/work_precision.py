@@ -11,14 +11,9 @@ import numpy as np
 
 import uvms_gym
 from uvms_gym import Simulator
+from uvms_gym._scene import bodies
 from uvms_gym.studies.accuracy.driven_motion import PERIOD, Motion, Track, character, driven_motion, follow
-from uvms_gym.studies.numerics import (
-    bodies,
-    convergence_order,
-    loglog_interpolation,
-    median_and_worst,
-    state_errors,
-)
+from uvms_gym.studies.numerics import convergence_order, loglog_interpolation, median_and_worst, state_errors
 from uvms_gym.studies.progress import tracked
 
 PRECISIONS = {"f64": "float64", "f32": "float32"}
@@ -137,7 +132,7 @@ def without_kinks(scene: dict[str, Any]) -> dict[str, Any]:
     """Copy of a scene without quadratic damping: the kink of v |v| at 0 reduces the order of any method."""
     smooth = copy.deepcopy(scene)
     smooth["provenance"] = {}
-    for body in bodies(smooth):
+    for _, body in bodies(smooth):
         body["damping"] = {"linear": body.get("damping", {}).get("linear", [0.0] * 6)}
     return smooth
 

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
+from uvms_gym._scene import joints
 from uvms_gym.studies.hard_cases.case import (
     MK4,
     Case,
@@ -19,7 +20,7 @@ from uvms_gym.studies.hard_cases.case import (
 )
 from uvms_gym.studies.hard_cases.reference_solutions import inertia_of
 from uvms_gym.studies.hard_cases.scenes import Scene, link, single_body, with_arm
-from uvms_gym.studies.numerics import Floats, joints
+from uvms_gym.studies.numerics import Floats
 
 
 def _end_stop() -> Case:

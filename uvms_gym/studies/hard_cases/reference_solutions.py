@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uvms_gym._rotations import about, matrices, multiply, unit
+from uvms_gym._scene import matrix_of
 from uvms_gym.studies.hard_cases.case import Reference
-from uvms_gym.studies.numerics import Floats, matrix_of
+from uvms_gym.studies.numerics import Floats
 
 
 @dataclass(frozen=True)

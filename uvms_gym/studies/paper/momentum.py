@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
+from uvms_gym._scene import bodies
 from uvms_gym.logs.interpolation import hermite
-from uvms_gym.studies.numerics import Floats, bodies, convergence_order
+from uvms_gym.studies.numerics import Floats, convergence_order
 from uvms_gym.studies.progress import tracked
 
 TIME = 100.0
@@ -32,7 +33,7 @@ def conservative_scene(wet: bool) -> dict[str, Any]:
     scene["provenance"] = {}
     scene["water"]["gravity"] = [0.0, 0.0, 0.0]
     links = scene["arm"]["links"]
-    for body in bodies(scene):
+    for _, body in bodies(scene):
         body["damping"] = {"linear": [0.0] * 6, "quadratic": [0.0] * 6}
         if not wet:
             body["added_mass"] = [0.0] * 6

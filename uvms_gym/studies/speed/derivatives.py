@@ -8,7 +8,7 @@ import numpy as np
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import DT, start
-from uvms_gym.studies.speed.rigid_chain import dry
+from uvms_gym.studies.speed.rigid_bodies import dry
 from uvms_gym.studies.speed.timing import Case, interleave, summary
 
 #: Steps of a call of ours, where it is not one.

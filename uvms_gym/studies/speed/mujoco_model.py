@@ -11,9 +11,12 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
+from uvms_gym._scene import joints
+from uvms_gym.export.mjcf import add_body, numbers
+from uvms_gym.export.tree import Matter, angles
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, TWIST
-from uvms_gym.studies.speed.rigid_chain import Link, chain
+from uvms_gym.studies.speed.rigid_bodies import joint_order, rigid_bodies
 from uvms_gym.studies.speed.timing import Case
 
 VERSION = mujoco.__version__
@@ -44,66 +47,52 @@ def build(
     centre of mass) or "full" (weight only); `actuators` adds thrusters and servos.
     """
     root = ET.Element("mujoco")
-    ET.SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")
+    ET.SubElement(root, "compiler", angle="radian", eulerseq="XYZ")
     density, gravity = scene["water"]["density"], scene["water"]["gravity"]
     option = ET.SubElement(
         root,
         "option",
         integrator=integrator,
         timestep=repr(step),
-        gravity=_numbers(np.zeros(3) if weight == "none" else gravity),
-        density=_numbers(density if water else 0.0),
-        viscosity=_numbers(VISCOSITY if water else 0.0),
+        gravity=numbers(np.zeros(3) if weight == "none" else gravity),
+        density=numbers(density if water else 0.0),
+        viscosity=numbers(VISCOSITY if water else 0.0),
     )
     ET.SubElement(option, "flag", dict.fromkeys(OFF, "disable"))
-    parent = ET.SubElement(root, "worldbody")
-    drives = ET.Element("actuator")
-    for i, link in enumerate(chain(scene)):
-        parent = ET.SubElement(parent, "body", _place(link.placement[:3, 3], link.placement[:3, :3]))
+    world, drives, links = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator"), rigid_bodies(scene)
+    elements: list[ET.Element] = []
+    for link in links:
+        elements.append(body := add_body(world if link.parent is None else elements[link.parent], link))
+        assert link.matter is not None
         if weight == "buoyant":
-            parent.set("gravcomp", repr(link.buoyancy / (link.mass * float(np.linalg.norm(gravity)))))
-        if link.joint is None:
-            ET.SubElement(parent, "freejoint")
-        else:
-            kind, viscous = "slide" if link.prismatic else "hinge", link.joint["friction"]["viscous"]
-            joint = {"name": f"joint {i}", "type": kind, "axis": _numbers(link.axis), "damping": repr(viscous)}
-            joint["armature"] = repr(link.joint.get("rotor_inertia", 0.0))
-            ET.SubElement(parent, "joint", joint)
-            if actuators and (servo := link.joint.get("servo")):
+            body.set("gravcomp", repr(link.matter.buoyancy / (link.matter.mass * float(np.linalg.norm(gravity)))))
+        if water:
+            _ellipsoid(body, link.matter)
+    if actuators:
+        ET.SubElement(elements[0], "site", name="vehicle")
+        for thruster in scene["vehicle"].get("thrusters", ()):
+            axis = np.array(thruster["axis"]) / np.linalg.norm(thruster["axis"])
+            gear = np.concatenate([axis, np.cross(thruster["position"], axis)])
+            ET.SubElement(drives, "motor", site="vehicle", gear=numbers(gear))
+        for link in links:
+            if link.joint and (servo := link.joint.get("servo")):
                 gains = {"kp": repr(servo["kp"]), "kv": repr(servo["kd"])}
-                ET.SubElement(drives, "position", gains, name=f"servo {i}", joint=f"joint {i}")
-        _matter(parent, link, water)
-        if link.joint is None and actuators:
-            ET.SubElement(parent, "site", name="vehicle")
-            for thruster in scene["vehicle"].get("thrusters", ()):
-                axis = np.array(thruster["axis"]) / np.linalg.norm(thruster["axis"])
-                gear = np.concatenate([axis, np.cross(thruster["position"], axis)])
-                ET.SubElement(drives, "motor", site="vehicle", gear=_numbers(gear))
-    root.append(drives)
+                ET.SubElement(drives, "position", gains, name=f"servo {link.coordinate}", joint=link.name)
     return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
 
 
-def _matter(parent: ET.Element, link: Link, water: bool) -> None:
-    """Mass, inertia and ellipsoid of the fluid model: the one of uniform density with these moments."""
-    c, mass, center = link.inertia, link.mass, link.center_of_mass
-    moments = [c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
-    ET.SubElement(parent, "inertial", pos=_numbers(center), mass=repr(mass), fullinertia=_numbers(moments))
-    if water:
-        principal, turn = np.linalg.eigh(c)
-        turn[:, 0] *= np.linalg.det(turn)
-        axes = np.sqrt(np.maximum(2.5 / mass * (principal.sum() - 2.0 * principal), 1e-4))
-        geom = {"type": "ellipsoid", "size": _numbers(axes), "mass": "0", "contype": "0", "conaffinity": "0"}
-        ET.SubElement(parent, "geom", geom | _place(center, turn), fluidshape="ellipsoid")
+def _ellipsoid(body: ET.Element, matter: Matter) -> None:
+    """Ellipsoid of the fluid model: the one of uniform density with the body's moments."""
+    principal, turn = np.linalg.eigh(matter.inertia)
+    turn[:, 0] *= np.linalg.det(turn)
+    axes = np.sqrt(np.maximum(2.5 / matter.mass * (principal.sum() - 2.0 * principal), 1e-4))
+    place = {"pos": numbers(matter.center_of_mass), "euler": numbers(angles(turn)), "size": numbers(axes)}
+    ET.SubElement(body, "geom", place, type="ellipsoid", mass="0", contype="0", conaffinity="0", fluidshape="ellipsoid")
 
 
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(x)) for x in np.ravel(values))
-
-
-def _place(position: Floats, rotation: Floats) -> dict[str, str]:
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ravel(rotation))
-    return {"pos": _numbers(position), "quat": _numbers(quaternion)}
+def _order(model: Any) -> list[int]:
+    """Indices in joint arrays of the model's joints, without the vehicle's."""
+    return joint_order(model.joint(k).name for k in range(1, model.njnt))
 
 
 def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
@@ -111,20 +100,20 @@ def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: F
 
     MuJoCo's free joint has its linear velocity in world axes: v = R^T v_w, v' = R^T v_w' - omega x v.
     """
-    data, turn, twist = mujoco.MjData(model), state["rotation"], state["twist"]
-    data.qpos[:], data.qvel[:] = coordinates(state)
-    data.qfrc_applied[:] = np.concatenate([turn @ wrench[:3], wrench[3:], torque])
+    data, turn, twist, order = mujoco.MjData(model), state["rotation"], state["twist"], _order(model)
+    data.qpos[:], data.qvel[:] = coordinates(model, state)
+    data.qfrc_applied[:] = np.concatenate([turn @ wrench[:3], wrench[3:], torque[order]])
     mujoco.mj_forward(model, data)
     linear = turn.T @ data.qacc[:3] - np.cross(twist[3:], twist[:3])
-    return np.concatenate([linear, data.qacc[3:]])
+    return np.concatenate([linear, data.qacc[3:6], data.qacc[6:][np.argsort(order)]])
 
 
-def coordinates(state: dict[str, Floats]) -> tuple[Floats, Floats]:
+def coordinates(model: Any, state: dict[str, Floats]) -> tuple[Floats, Floats]:
     """MuJoCo's positions and velocities at a state of one instance."""
-    quaternion = np.zeros(4)
+    quaternion, order = np.zeros(4), _order(model)
     mujoco.mju_mat2Quat(quaternion, np.ravel(state["rotation"]))
-    positions = np.concatenate([state["position"], quaternion, state["q"]])
-    return positions, np.concatenate([state["rotation"] @ state["twist"][:3], state["twist"][3:], state["qd"]])
+    positions = np.concatenate([state["position"], quaternion, state["q"][order]])
+    return positions, np.concatenate([state["rotation"] @ state["twist"][:3], state["twist"][3:], state["qd"][order]])
 
 
 class Rolling(Case):
@@ -154,8 +143,7 @@ class Rolling(Case):
         size = mujoco.mj_stateSize(model, STATE)
         self.start, self.states = np.zeros((n, size)), np.zeros((n, steps, size))
         self.sensors = np.zeros((n, steps, model.nsensordata))
-        links = chain(scene)[1:]
-        home = np.array([link.joint.get("home", 0.0) if link.joint else 0.0 for link in links])
+        home = np.array([joint.get("home", 0.0) for joint in joints(scene)])
         self.begin(TWIST * rng.normal(size=(n, 6)), home)
         limits = [thruster["limits"] for thruster in scene["vehicle"].get("thrusters", ())]
         low, high = np.array(limits, dtype=float).reshape(-1, 2).T
@@ -168,7 +156,7 @@ class Rolling(Case):
         for row, speed in zip(self.start, twist, strict=True):
             state = {"position": np.zeros(3), "rotation": np.eye(3), "twist": speed, "q": home, "qd": 0.0 * home}
             # Time, positions, velocities.
-            found = np.concatenate([np.zeros(1), *coordinates(state)])
+            found = np.concatenate([np.zeros(1), *coordinates(self.models[0], state)])
             row[: len(found)] = found
 
     def command(self, thrust: Floats, target: Floats) -> None:
@@ -178,8 +166,8 @@ class Rolling(Case):
         others = [i for i in range(model.nu) if i not in driven]
         assert len(others) == thrusters
         self.controls[:, :, others] = thrust[:, None, :]
-        joints = [int(model.actuator(i).name.split()[1]) - 1 for i in driven]
-        self.controls[:, :, driven] = np.broadcast_to(target, (len(self.start), target.shape[-1]))[:, None, joints]
+        order = joint_order(model.actuator(i).name for i in driven)
+        self.controls[:, :, driven] = np.broadcast_to(target, (len(self.start), target.shape[-1]))[:, None, order]
 
     def step(self) -> None:
         """One rollout, from `start`, without checks of its arguments."""

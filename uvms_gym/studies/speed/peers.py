@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator
+from uvms_gym._scene import joints
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.environment import SUBSTEPS, VectorEnv
 from uvms_gym.studies.speed.physics import Setting, Stepping
-from uvms_gym.studies.speed.rigid_chain import chain, dry
+from uvms_gym.studies.speed.rigid_bodies import dry
 from uvms_gym.studies.speed.timing import interleave, summary
 
 #: Names of our cases.
@@ -70,7 +71,7 @@ def dry_difference(scene: dict[str, Any], seed: int = 0) -> dict[str, float]:
         "pinocchio": (pinocchio_model.acceleration, pinocchio_model.build(vacuum)),
     }
     simulator = Simulator(vacuum)
-    viscous = np.array([link.joint["friction"]["viscous"] for link in chain(vacuum)[1:] if link.joint])
+    viscous = np.array([joint["friction"]["viscous"] for joint in joints(vacuum)])
     rng = np.random.default_rng(seed)
     worst = dict.fromkeys(models, 0.0)
     for _ in range(TRIED):

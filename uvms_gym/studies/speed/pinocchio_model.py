@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from uvms_gym.studies.numerics import Floats
-from uvms_gym.studies.speed.rigid_chain import chain
+from uvms_gym.studies.speed.rigid_bodies import joint_order, rigid_bodies
 from uvms_gym.studies.speed.timing import Case
 
 VERSION = pin.__version__
@@ -19,22 +19,25 @@ STAGES = 4
 
 def build(scene: dict[str, Any]) -> Any:
     """Make the model: a free-flyer, and joints about or along z, Pinocchio's fastest kind."""
-    vehicle, *links = chain(scene)
+    vehicle, *links = rigid_bodies(scene)
     model = pin.Model()
     model.gravity = pin.Motion(np.array(scene["water"]["gravity"]), np.zeros(3))
-    index = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "vehicle")
+    index = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), vehicle.name)
     model.appendBodyToJoint(index, _inertia(vehicle), pin.SE3.Identity())
-    before = np.eye(4)
-    for i, link in enumerate(links):
-        # The body's frame is rotated so that the joint's axis is z, and back for the next bodies.
+    turns = [np.eye(4)]
+    for link in links:
+        # The body's frame is rotated so that the joint's axis is z, and back for the bodies that it carries.
         turn = np.eye(4)
         turn[:3, :3] = np.linalg.qr(np.column_stack([link.axis, np.eye(3)]))[0][:, [1, 2, 0]]
         turn[:3, 2] = link.axis
         turn[:3, 0] *= np.linalg.det(turn)
         kind = pin.JointModelPZ() if link.prismatic else pin.JointModelRZ()
-        index = model.addJoint(index, kind, _se3(np.linalg.inv(before) @ link.placement @ turn), f"joint {i}")
+        # The universe is Pinocchio's joint 0.
+        carrier = link.parent or 0
+        place = _se3(np.linalg.inv(turns[carrier]) @ link.frame.matrix @ turn)
+        index = model.addJoint(carrier + 1, kind, place, link.name)
         model.appendBodyToJoint(index, _inertia(link), _se3(np.linalg.inv(turn)))
-        before = turn
+        turns.append(turn)
     model.armature = np.array([0.0] * 6 + [float((link.joint or {}).get("rotor_inertia", 0.0)) for link in links])
     return model
 
@@ -44,15 +47,15 @@ def _se3(transform: NDArray[Any]) -> Any:
 
 
 def _inertia(link: Any) -> Any:
-    return pin.Inertia(link.mass, link.center_of_mass, link.inertia)
+    return pin.Inertia(link.matter.mass, link.matter.center_of_mass, link.matter.inertia)
 
 
 def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
     """[V'; q''] at a state with the names of `Simulator.set_state`; Pinocchio's free-flyer has the body twist, too."""
-    place = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"]))
-    q, v = np.concatenate([place, state["q"]]), np.concatenate([state["twist"], state["qd"]])
-    found: Floats = pin.aba(model, model.createData(), q, v, np.concatenate([wrench, torque])).copy()
-    return found
+    place, order = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"])), joint_order(model.names[2:])
+    q, v = np.concatenate([place, state["q"][order]]), np.concatenate([state["twist"], state["qd"][order]])
+    found = pin.aba(model, model.createData(), q, v, np.concatenate([wrench, torque[order]]))
+    return np.concatenate([found[:6], found[6:][np.argsort(order)]])
 
 
 class Dynamics(Case):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym._core import vehicle_terms
-from uvms_gym.studies.numerics import joints, matrix_of
+from uvms_gym._scene import joints, matrix_of
 
 Table = dict[str, Any]
 
