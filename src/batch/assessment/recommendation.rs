@@ -77,7 +77,9 @@ pub fn recommend(scene: &Scene, speed: Option<&[f64; 6]>) -> Result<Recommendati
         let error = if found.is_nan() { f64::INFINITY } else { found };
         let accurate = error <= ACCUMULATED_LIMIT;
         let reason = reason(&integration, error, (stable, mode.as_ref()), &failed);
-        failed.push(format!("{name} at {step} s: {}", percent(error)));
+        if step == Integration::default().step {
+            failed.push(format!("{name} at {step} s: {}", percent(error)));
+        }
         if accurate || best.as_ref().is_none_or(|best| error < best.error) {
             best = Some(Recommendation { integration, reason, error, accurate });
         }
@@ -104,7 +106,7 @@ fn percent(error: f64) -> String {
     if error.is_finite() { format!("{} % of the motion", digits(100.0 * error)) } else { "diverges".into() }
 }
 
-/// One line: the error, the reason for which mk4 at 0.01 s is not enough.
+/// One line: the error, and the reasons for which mk4 and others at the default step are not enough.
 fn reason(integration: &Integration, error: f64, (stable, mode): (f64, Option<&Mode>), failed: &[String]) -> String {
     let error = percent(error);
     let judged = format!("estimated error {error} after {DURATION} s at full thrust and joint speed");
@@ -112,14 +114,16 @@ fn reason(integration: &Integration, error: f64, (stable, mode): (f64, Option<&M
     if *integration == (Integration { integrator, step }) {
         return if stable.is_finite() { format!("stable up to {} s; {judged}", digits(stable)) } else { judged };
     }
-    let cause = match mode {
-        Some(mode) if MARGIN * step > stable => {
+    let mut causes: Vec<String> = mode
+        .filter(|_| MARGIN * step > stable)
+        .map(|mode| {
             let rate = digits(mode.rate.norm());
             format!("mk4 is unstable beyond {} s ({}: rate {rate} 1/s)", digits(stable), mode.what)
-        }
-        _ => failed.first().cloned().unwrap_or_default(),
-    };
-    format!("{cause}; {judged}")
+        })
+        .into_iter()
+        .collect();
+    causes.extend(failed.iter().cloned());
+    format!("{}; {judged}", causes.join(", "))
 }
 
 /// Starts and inputs of motions at the speeds that actuators reach, one instance each.
