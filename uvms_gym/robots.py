@@ -20,9 +20,10 @@ def import_urdf(
 
     Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file; bodies on fixed
     joints and side branches are merged into the links that carry them. Volume, added mass and damping are estimated
-    from the collision geometry, or from the visual geometry (see `estimate`). Meshes are not read: such a link has the
-    hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia
-    that each joint carries. The scene's provenance names the source of every number.
+    from the collision geometry, or from the visual geometry (see `estimate`). Meshes are not read: such a link has
+    the hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the
+    inertia that each joint carries. Integrator and step are those of `recommend_integration`. The scene's
+    provenance names the source of every number.
 
     Parameters
     ----------
@@ -62,4 +63,13 @@ def import_with_notes(
     file = Path(path)
     if file.suffix == ".toml":
         raise _core.SceneError(f"{file}: is a TOML file, but must be a URDF file")
-    return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], **chain)
+    scene, notes = _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], **chain)
+    return with_integration(scene, notes)
+
+
+def with_integration(scene: dict[str, Any], notes: Sequence[str] = ()) -> tuple[dict[str, Any], list[str]]:
+    """Scene that states the recommended integrator and step, and notes with the reason."""
+    advice = _core.recommend_integration(scene)
+    stated = {"integrator": advice["integrator"], "step": advice["step"]}
+    note = f"integration: {stated['integrator']} at {stated['step']} s: {advice['reason']}"
+    return {**scene, "integration": stated}, [*notes, note]

@@ -129,6 +129,8 @@ def test_friction_on_a_light_wrist_diverges_by_default_and_runs_as_recommended(s
     found = uvms_gym.recommend_integration(stiff)
     assert found["integrator"] in ("ros2", "ros3") and found["step"] == 0.01 and found["accurate"]
     assert "wrist" in found["reason"]
+    # The import has recorded it.
+    assert stiff["integration"] == {key: found[key] for key in ("integrator", "step")}
 
     def run(scene: dict[str, Any]) -> Any:
         env: Any = gymnasium.make("UVMS-StationKeep-v0", scene=scene)
