@@ -13,6 +13,7 @@ import pytest
 import uvms_gym
 from uvms_gym import SceneError, Simulator, StepWarning
 from uvms_gym.cli import main
+from uvms_gym.cli.environments import stating_integration
 
 IDS = [f"UVMS-{task}{variant}-v0" for task in ("StationKeep", "EETrack", "Dock") for variant in ("", "-Storm")]
 #: Friction of 1 N m on a wrist of 3e-4 kg m2, as in many URDF files.
@@ -223,3 +224,18 @@ def test_check_writes_no_shipped_scene_and_no_inline_table(tmp_path: Path, capsy
     assert main(["scenes", "check", str(path), "--write"]) == 2
     assert "integration is not stated as a table of its own" in capsys.readouterr().err
     assert path.read_text() == text
+
+
+def test_play_has_options_in_place_of_the_scenes_integration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert stating_integration({"action": "wrench"}, None, None) == {"action": "wrench"}
+    scene = stating_integration({"scene": "rexrov"}, "ros3", None)["scene"]
+    assert (scene["name"], scene["integration"]) == ("rexrov", {"integrator": "ros3"})
+    env: Any = gymnasium.make("UVMS-StationKeep-v0", **stating_integration({}, "ros2", 0.002))
+    simulator = env.unwrapped.snapshot()
+    assert (simulator.scene_name, simulator.integrator, simulator.dt) == ("petasus-pum", "ros2", 0.002)
+    plot = tmp_path / "x.png"
+    assert main(["play", "--seconds", "0.1", "--integrator", "rk4", "--plot", str(plot)]) == 2
+    assert "no integrator named 'rk4': one of mk4" in capsys.readouterr().err
+    assert main(["play", "--seconds", "0.1", "--dt", "0.002", "--plot", str(plot)]) == 0 and plot.exists()
