@@ -16,7 +16,7 @@ from uvms_gym import identification
 from uvms_gym.cli import main
 from uvms_gym.identification import files, least_squares, scene_keys
 from uvms_gym.identification.recordings import record
-from uvms_gym.identification.replay import Corrections, Replay, equilibrium
+from uvms_gym.identification.replay import Corrections, Replay, equilibrium, stated_step
 from uvms_gym.studies.identification.synthetic import Sensors, synthetic_log
 
 POOL = Path(__file__).parents[1] / "data" / "pool"
@@ -128,6 +128,16 @@ def test_zeros_shift_joints() -> None:
     np.testing.assert_allclose(
         replay.cubics(Corrections(zeros))[0, 0, :, 0], replay.cubics(Corrections())[0, 0, :, 0] - zeros
     )
+
+
+def test_a_replay_has_steps_up_to_the_one_that_a_scene_states() -> None:
+    scene = uvms_gym.load_scene(SCENE)
+    recordings = [record(log) for log in logs_of(scene, 1, sensors=EXACT)]
+    usual, period = Replay(recordings), recordings[0].period
+    assert Replay(recordings, step=stated_step(scene)).substeps == usual.substeps
+    assert Replay(recordings, step=stated_step({**scene, "integration": {"step": 1.0}})).substeps == usual.substeps
+    short = stated_step({**scene, "integration": {"step": 0.0019}})
+    assert Replay(recordings, step=short).substeps == np.ceil(period / 0.0019)
 
 
 # Fits
