@@ -27,7 +27,7 @@ use uvms_gym::batch::{Trim, assess, recommend};
 ///     righting_moment (N m per rad of tilt from there), thrusts (list: the level vehicle's thrust of each thruster, N, and its
 ///     share of the limit), missing (wrench that the thrusters lack to hold it, N and N m), joint_torques (list: torque or
 ///     force of each joint, and its share of the effort). authority (list of dict, one for each axis): axis, alone (maximum
-///     force or moment along the axis alone, either way, N or N m), most (maximum forward and backward whatever happens along
+///     force or moment along the axis alone, either way, N or N m), maximum (forward and backward, whatever happens along
 ///     the others), acceleration (by `alone`, joints locked, m/s2 or rad/s2). joints (list of dict): name, inertia (apparent,
 ///     everything else free, kg m2 or kg), friction, servo, end_stop (rates of these causes, 1/s).
 ///
@@ -56,7 +56,7 @@ pub fn assess_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDic
     let mut authority = Vec::new();
     for entry in assessment.authority {
         authority.push(dict! { py;
-            "axis": entry.axis, "alone": entry.alone, "most": entry.most, "acceleration": entry.acceleration
+            "axis": entry.axis, "alone": entry.alone, "maximum": entry.maximum, "acceleration": entry.acceleration
         });
     }
     let mut joints = Vec::new();

@@ -84,7 +84,7 @@ def test_val_authority_of_known_thrusters() -> None:
     }
     for axis, (ahead, back, alone, inertia) in expected.items():
         entry = by_axis[axis]
-        assert entry["most"] == pytest.approx([ahead, back], rel=1e-9), axis
+        assert entry["maximum"] == pytest.approx([ahead, back], rel=1e-9), axis
         assert entry["alone"] == pytest.approx(alone, rel=1e-9), axis
         assert entry["acceleration"] == pytest.approx(alone / inertia, rel=1e-9), axis
     # Without the last upward thruster heave takes two opposite ones, of which each has to balance the other's moment.

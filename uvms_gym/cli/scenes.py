@@ -149,7 +149,7 @@ def _show_assessment(simulator: uvms_gym.Simulator, assessed: dict[str, Any]) ->
             table("To hold it level", ("actuator", "N or N m", "% of the limit"), held)
     if assessed["authority"]:
         rows = [
-            (a["axis"], *(f"{x:.4g}" for x in (*a["most"], a["alone"], a["acceleration"])))
+            (a["axis"], *(f"{x:.4g}" for x in (*a["maximum"], a["alone"], a["acceleration"])))
             for a in assessed["authority"]
         ]
         table("Authority, N or N m", ("axis", "forward", "backward", "alone", "m/s2 or rad/s2"), rows)

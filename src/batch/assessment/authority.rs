@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Vector3};
 
-use super::super::simulator::Simulator;
+use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::system::State;
 
@@ -14,7 +14,7 @@ pub struct Authority {
     /// Maximum force (N) or moment (N m) along the axis alone, in both directions; 0 where there is none.
     pub alone: f64,
     /// Maximum force or moment along the axis, forward and backward, whatever the thrusters do along the others.
-    pub most: [f64; 2],
+    pub maximum: [f64; 2],
     /// Acceleration by `alone`, vehicle and arm as one body with the joints at home, m/s2 or rad/s2.
     pub acceleration: f64,
 }
@@ -31,14 +31,14 @@ pub(super) fn authority(simulator: &Simulator) -> Vec<Authority> {
     let inverse = Cholesky::new(mass).map_or_else(|| DMatrix::zeros(6, 6), |mass| mass.inverse());
     let alone = allocation.wrench_limits();
     let entry = |k: usize| {
-        let mut most = [0.0; 2];
+        let mut maximum = [0.0; 2];
         for i in 0..allocation.count() {
             let along = allocation.column(i)[k];
             let [a, b] = allocation.limits(i).map(|limit| along * limit);
-            most[0] += a.max(b);
-            most[1] -= a.min(b);
+            maximum[0] += a.max(b);
+            maximum[1] -= a.min(b);
         }
-        Authority { axis: AXES[k], alone: alone[k], most, acceleration: inverse[(k, k)] * alone[k] }
+        Authority { axis: AXES[k], alone: alone[k], maximum, acceleration: inverse[(k, k)] * alone[k] }
     };
     (0..6).map(entry).collect()
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Vector3};
 
-use super::super::simulator::Simulator;
+use crate::batch::simulator::Simulator;
 use crate::description::Joint;
 use crate::system::State;
 

@@ -63,7 +63,7 @@ impl Assessment {
         if let Some(trim) = &self.trim {
             trim.find_doubts(scene, &mut doubts);
         }
-        for Authority { axis, most: [ahead, back], .. } in &self.authority {
+        for Authority { axis, maximum: [ahead, back], .. } in &self.authority {
             if ahead.max(*back) > 0.0 && ahead.min(*back) <= ONE_WAY * ahead.max(*back) {
                 let (some, none) = if ahead > back { ("positive", "negative") } else { ("negative", "positive") };
                 let text = format!(

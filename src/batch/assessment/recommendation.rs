@@ -1,12 +1,12 @@
 //! Integrator and step that follow a scene's motion at the speeds that its actuators reach.
 
-use super::super::monitoring::modal_analysis::{Mode, configurations, joint_speed};
-use super::super::monitoring::step_monitor::digits;
-use super::super::monitoring::step_quality::{ACCUMULATED_LIMIT, maximum};
-use super::super::options::SimulatorOptions;
-use super::super::simulator::Simulator;
-use super::super::simulator::states::States;
-use super::super::storage::inputs::Inputs;
+use crate::batch::monitoring::modal_analysis::{Mode, configurations, joint_speed};
+use crate::batch::monitoring::step_monitor::digits;
+use crate::batch::monitoring::step_quality::{ACCUMULATED_LIMIT, maximum};
+use crate::batch::options::SimulatorOptions;
+use crate::batch::simulator::Simulator;
+use crate::batch::simulator::states::States;
+use crate::batch::storage::inputs::Inputs;
 use crate::description::{Integration, Joint, Scene};
 use crate::dynamics::Servos;
 use crate::error::SimulatorError;

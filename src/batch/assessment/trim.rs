@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-use super::super::simulator::Simulator;
+use crate::batch::simulator::Simulator;
 use crate::system::State;
 
 /// Balance of a free vehicle at rest in still water, joints at home.
