@@ -351,7 +351,7 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None, info
     with user_errors(f"{env}: "):
         usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)
     inner = usual.unwrapped
-    dt, given = STEPS.get(inner.task, inner.snapshot().dt), 1.0 / inner.metadata["render_fps"]
+    dt, given = STEPS.get(inner.task, inner.snapshot().dt), inner.control_period
     period = given if period is None else period
     substeps = round(period / dt)
     if substeps < 1 or not math.isclose(substeps * dt, period):

@@ -178,7 +178,7 @@ class Registered(MarkdownDirective):
         for name in sorted(name for name in gymnasium.registry if name.startswith("UVMS-")):
             spec = gymnasium.spec(name)
             env = environment(name)
-            period = env.options.dt * env.options.substeps
+            period = env.control_period
             steps = spec.max_episode_steps
             given = ", ".join(f"`{key}={value!r}`" for key, value in spec.kwargs.items())
             rows.append((f"`{name}`", f"{period:g} s", f"{steps} ({steps * period:g} s)", given))

@@ -191,7 +191,7 @@ def test_copies_in_mid_episode_go_on_alike_and_apart(task, n, options):
 @BOTH
 def test_frame_rate_is_the_control_rate(task, n):
     one, other, third = make(task, n), make(task, n, substeps=1), make(task, n, dt=0.02, substeps=1)
-    rates = [control_rate(task), 1.0 / one.unwrapped.options.dt, 50.0]
+    rates = [control_rate(task), 1.0 / one.unwrapped.snapshot().dt, 50.0]
     assert [env.metadata["render_fps"] for env in (one, other, third)] == rates
     assert n or type(one.unwrapped).metadata["render_fps"] == 20.0
 

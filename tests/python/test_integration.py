@@ -69,7 +69,7 @@ def test_an_environment_follows_its_scene_in_the_same_control_period(env: str, s
     def make(**options: Any) -> tuple[Simulator, float]:
         made: Any = gymnasium.make(env, **options) if single else gymnasium.make_vec(env, num_envs=2, **options)
         inner = made.unwrapped
-        return inner.snapshot(), 1.0 / inner.metadata["render_fps"]
+        return inner.snapshot(), inner.control_period
 
     usual, period = make(scene="petasus-pum")
     share = usual.dt / 0.01

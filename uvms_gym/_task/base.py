@@ -118,6 +118,11 @@ class TaskBase:
         return self.options.task
 
     @property
+    def control_period(self) -> float:
+        """Duration of a step of the environment, s."""
+        return self._native.control_period
+
+    @property
     def layout(self) -> tuple[Block, ...]:
         """Blocks of an observation."""
         return tuple(Block(**block) for block in self._native.layout)

@@ -79,7 +79,7 @@ class LiveEpisode:
         speed = self.components.get("current", {}).get("speed", 0.0)
         self.conditions, self.seed = Conditions(current=round(float(np.mean(speed)), 2)), seed
         self.env = type(env)(env.options, disturbance=self.conditions.disturbance(self.components))
-        self.period: float = self.env._native.control_period
+        self.period: float = self.env.control_period
         self.target = HOME
         self.choose(controller)
         self.reset()

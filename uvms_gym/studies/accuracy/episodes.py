@@ -95,7 +95,7 @@ def frame(case: Case) -> Frame:
         drives = {name: make_controller(name, envs) for name in (classical, *policies[:1])}
         return Frame(
             inner.task,
-            float(f"{1.0 / inner.metadata['render_fps']:.12g}"),
+            float(f"{inner.control_period:.12g}"),
             int(case.options.get("max_episode_steps", gymnasium.registry[case.env].max_episode_steps) or 0),
             Configuration(simulator.integrator, options.dtype, simulator.dt),
             # Joint servos are on, and random actions reach the end stops.
