@@ -64,7 +64,7 @@ pub(super) fn trim(simulator: &Simulator) -> Option<Trim> {
     let allocation = simulator.allocation();
     let thrusts = allocation.unsaturated(&level.0);
     // Rounding counts as none.
-    let tidy = |x: f64, size: f64| if x.abs() > 1e-9 * size { x } else { 0.0 };
+    let tidy = |x: f64, size: f64| if x.abs() > 1e-6 * size { x } else { 0.0 };
     let held = (0..allocation.count()).map(|i| {
         let ([lower, upper], thrust) = (allocation.limits(i), tidy(thrusts[i], level.0.amax()));
         (thrust, share(thrust, if thrust > 0.0 { upper } else { lower }))
