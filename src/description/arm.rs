@@ -1,12 +1,12 @@
-//! The arm: a serial chain of revolute and prismatic joints.
+//! The arm: revolute and prismatic joints, in a chain or branching.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Frame, LinearActuator};
+use super::{BASE, Body, Frame, LinearActuator, VEHICLE};
 use crate::keys::numbers;
 
-/// A serial arm on the vehicle.
+/// An arm on the vehicle: a chain of links, or a tree.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -17,12 +17,55 @@ pub struct Arm {
     pub mount: Mount,
     /// The arm's base, if it has mass; its frame is the mount frame, moved by `mount.joint` if there is one.
     pub base: Option<Body>,
-    /// Links from the base outward, 0 to 8.
+    /// Links from the base outward, each after its parent.
     #[serde(default)]
     pub links: Vec<Link>,
-    /// End-effector frame in the last link's frame.
+    /// Link that carries the end effector; the last if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip: Option<String>,
+    /// End-effector frame in the tip's frame.
     #[serde(default)]
     pub end_effector: Frame,
+}
+
+/// Body that carries a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parent {
+    /// The vehicle.
+    Vehicle,
+    /// The arm's base.
+    Base,
+    /// A link, by its index.
+    Link(usize),
+}
+
+impl Arm {
+    /// Body of this name among the base, the vehicle and the first `count` links.
+    fn body(&self, name: &str, count: usize) -> Option<Parent> {
+        match name {
+            VEHICLE => Some(Parent::Vehicle),
+            BASE => Some(Parent::Base),
+            name => self.links[..count].iter().position(|link| link.name == name).map(Parent::Link),
+        }
+    }
+
+    /// Body that carries link `i`; none if it names no earlier link.
+    pub fn parent(&self, i: usize) -> Option<Parent> {
+        match (&self.links[i].parent, i) {
+            (Some(name), _) => self.body(name, i),
+            (None, 0) => Some(Parent::Base),
+            (None, _) => Some(Parent::Link(i - 1)),
+        }
+    }
+
+    /// Body that carries the end effector; none if `tip` names none.
+    pub fn tip(&self) -> Option<Parent> {
+        match (&self.tip, self.links.len()) {
+            (Some(name), count) => self.body(name, count),
+            (None, 0) => Some(Parent::Base),
+            (None, count) => Some(Parent::Link(count - 1)),
+        }
+    }
 }
 
 /// Fixed loading (no joint, `[HC eq. 32-34]`) or joint loading through q0 with torque tau0 (`[HC eq. 29-31]`).
@@ -42,6 +85,9 @@ pub struct Mount {
 pub struct Link {
     /// Name, also used in keys.
     pub name: String,
+    /// Link that carries this one, `base` or `vehicle`; the entry before if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
     /// Joint between the parent and this link.
     pub joint: Joint,
     /// Rigid body and hydrodynamics in the link frame.

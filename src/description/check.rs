@@ -3,7 +3,7 @@
 use toml::Value;
 
 use super::{
-    Integration, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body,
+    Arm, Integration, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body,
     path,
 };
 use crate::error::{DescriptionError, Problem};
@@ -24,6 +24,13 @@ pub fn magnitudes(root: &Value) -> Result<(), Fault> {
         Some((key, value)) => Err(Fault::new(key, Problem::NotFinite { value, max: MAX_MAGNITUDE })),
         None => Ok(()),
     }
+}
+
+/// A name that is none of the bodies before link `count`.
+fn no_body(arm: &Arm, count: usize, value: &str, key: String) -> Fault {
+    let bodies = RESERVED.into_iter().chain(arm.links[..count].iter().map(|link| link.name.as_str()));
+    let expected = bodies.map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    Fault::new(key, Problem::NoSuchBody { value: value.to_owned(), expected })
 }
 
 fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
@@ -171,6 +178,14 @@ impl Scene {
         check_names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
         if arm.mount.joint.is_some() && arm.base.is_none() {
             return Err(Fault::new("arm.base", Problem::MasslessBase));
+        }
+        for (i, link) in arm.links.iter().enumerate() {
+            if let (Some(parent), None) = (&link.parent, arm.parent(i)) {
+                return Err(no_body(arm, i, parent, format!("arm.links[{i}].parent")));
+            }
+        }
+        if let (Some(tip), None) = (&arm.tip, arm.tip()) {
+            return Err(no_body(arm, arm.links.len(), tip, "arm.tip".to_owned()));
         }
         self.joints().zip(self.joint_keys()).try_for_each(|(q, key)| joint(q, &key))
     }

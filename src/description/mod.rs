@@ -25,7 +25,7 @@ mod vehicle_terms;
 mod warnings;
 
 pub use actuator::LinearActuator;
-pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
+pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount, Parent};
 pub use body::{Body, Damping, Frame, InertiaPoint};
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
 pub use editor::SceneEditor;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::{DMatrix, Matrix6xX, Vector6};
 
-use super::{Body, JointKind, JointLimits, Scene, Thruster, path};
+use super::{Body, JointKind, JointLimits, Parent, Scene, Thruster, path};
 
 /// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
 const OUT_OF_TRIM: f64 = 0.1;
@@ -126,8 +126,14 @@ impl Scene {
     /// Links whose mass does not lie on the way to the next joint: mostly given in other axes than the joint's.
     fn lint_arm(&self, warnings: &mut Vec<SceneWarning>) {
         let Some(arm) = &self.arm else { return };
-        let next = arm.links.iter().skip(1).map(|link| &link.joint.frame).chain([&arm.end_effector]);
-        for (i, (link, next)) in arm.links.iter().zip(next).enumerate() {
+        for (i, link) in arm.links.iter().enumerate() {
+            let this = Some(Parent::Link(i));
+            let on_it = (i + 1..arm.links.len()).find(|&k| arm.parent(k) == this);
+            let next = match on_it {
+                Some(k) => &arm.links[k].joint.frame,
+                None if arm.tip() == this => &arm.end_effector,
+                None => continue,
+            };
             let (body, length) = (&link.body, next.position.norm());
             if length == 0.0 || body.mass == 0.0 {
                 continue;

@@ -26,7 +26,10 @@ use std::hint::cold_path;
 
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
-use super::link::{Drive, LinkScratch, add_joint_rate, joint_screws, with_zeros};
+use super::link::{
+    BranchSum, Drive, LinkScratch, add_branch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier,
+    take_branches, with_zeros,
+};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
@@ -149,20 +152,32 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 ) {
     let Instant { is_start, gravity, twist, q, qd, .. } = *at;
     let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
+    let Scratch { links, sums } = scratch;
+    let links = &mut links[..joints.len()];
 
     joint_screws(joints, is_start, q, links);
     let (mut g, mut V) = (gravity, twist);
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
     if system.z_aligned {
         for i in 0..joints.len() {
+            if let Some(carrier) = joints[i].branch.carrier {
+                cold_path();
+                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             if let Some(central) = &joint.body.central {
                 central.bias_z_aligned(V, g, &mut link.p);
             }
+            if joint.branch.forks {
+                cold_path();
+                (link.g, link.V) = (g, V);
+                if let (Some(payload), false) = (&joint.body.payload, B::SHARED) {
+                    payload.add_bias(V, g, &mut link.p);
+                }
+            }
         }
-        // Only the last link can carry a payload.
+        // A payload is on the last link, or on one that `forks`.
         if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
             && let (Some(payload), false) = (&joint.body.payload, B::SHARED)
         {
@@ -170,8 +185,16 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     } else {
         for i in 0..joints.len() {
+            if let Some(carrier) = joints[i].branch.carrier {
+                cold_path();
+                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
+            if joint.branch.forks {
+                cold_path();
+                (link.g, link.V) = (g, V);
+            }
             body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
         }
     }
@@ -182,13 +205,17 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     }
 
     if system.sparse {
-        inward::<_, _, _, true>(system, at, loads, links, twist_rate);
+        inward::<_, _, _, true>(system, at, loads, links, sums, twist_rate);
     } else {
-        inward::<_, _, _, false>(system, at, loads, links, twist_rate);
+        inward::<_, _, _, false>(system, at, loads, links, sums, twist_rate);
     }
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
+        }
         let (joint, link) = (&joints[i], &links[i]);
         V_dot = link.twist_from_parent(joint, V_dot);
         let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (V_dot.linear.0, V_dot.angular.0);
@@ -215,6 +242,10 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         qdd[i] = qdd_i;
         V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
+        if joint.branch.forks {
+            cold_path();
+            links[i].V = V_dot;
+        }
     }
 }
 
@@ -225,6 +256,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     at: &Instant<L>,
     loads: &ArmLoads<L>,
     links: &mut [LinkScratch<L>],
+    sums: &mut [BranchSum<L>; JOINTS + 1],
     twist_rate: &mut Vector6<L>,
 ) {
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
@@ -235,6 +267,10 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
         // Both are there for every i; `get` leaves no call that reports an index out of bounds.
         let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
+        if joint.branch.forks {
+            cold_path();
+            (I_children, p_children) = take_branches(sums, i + 1, &I_children, p_children);
+        }
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + p_children;
         (I_children, p_children) = if joint.rotor_inertia.is_some() {
@@ -275,6 +311,15 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
             };
             (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a))
         };
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            add_branch(sums, carrier, &I_children, p_children);
+            (I_children, p_children) = (SpatialInertia::zero(), Vector6::zero());
+        }
+    }
+    if system.tree {
+        cold_path();
+        (I_children, p_children) = take_branches(sums, 0, &I_children, p_children);
     }
 
     *twist_rate = if system.fixed {
@@ -299,9 +344,13 @@ pub fn link_twists<L: Lane, P: Param<L>, B>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     joint_screws(joints, true, q, links);
-    let mut twist = twist;
+    let mut parent = twist;
     for i in 0..joints.len().min(twists.len()) {
-        twist = add_joint_rate(&joints[i], links[i].twist_from_parent(&joints[i], twist), qd[i]);
-        twists[i] = twist;
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            parent = at_carrier(carrier, twist, twists);
+        }
+        parent = add_joint_rate(&joints[i], links[i].twist_from_parent(&joints[i], parent), qd[i]);
+        twists[i] = parent;
     }
 }

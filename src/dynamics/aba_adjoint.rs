@@ -15,12 +15,14 @@
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
+use std::hint::cold_path;
+
 use super::aba::{ArmLoads, Instant, Scratch};
 use super::aba_implicit::Ahead;
 use super::body_adjoint::{AdjointMotion, BodyCotangents, add_factor_products, body_adjoint};
 use super::joint_torque::implicit_joint_torque;
 use super::joint_torque_adjoint::joint_torque_adjoint;
-use super::link::{add_joint_rate, joint_screws, with_zeros};
+use super::link::{add_branch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier, take_branches, with_zeros};
 use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -156,10 +158,16 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let (h, zero) = (step.h, L::zero());
     let joints = system.chain();
     let n = joints.len();
-    let links = &mut memory.scratch.links[..n];
+    let Scratch { links, sums } = &mut memory.scratch;
+    let links = &mut links[..n];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, accelerations.twist);
     for i in 0..n {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            A = at_carrier(carrier, accelerations.twist, &memory.acceleration);
+        }
         let (joint, link) = (&joints[i], &mut links[i]);
         A = link.twist_from_parent(joint, A);
         (g, V) = link.outward(joint, g, V, qd[i]);
@@ -172,6 +180,10 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let (mut I_children, mut P_children) = (SpatialInertia::zero(), Vector6::zero());
     for i in (0..n).rev() {
         let (joint, link) = (&joints[i], &mut links[i]);
+        if joint.branch.forks {
+            cold_path();
+            (I_children, P_children) = take_branches(sums, i + 1, &I_children, P_children);
+        }
         let I_A = effective_inertia::<L, IMPLICIT>(&joint.body, h, link.V, link.g).plus(&I_children);
         let U = if joint.is_prismatic() { I_A.column::<2>() } else { I_A.column::<5>() };
         let mut D = along(joint, U);
@@ -187,6 +199,15 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         let P_a = U.scale_add(link.u_over_D, P_children);
         P_children = link.wrench_to_parent(joint, P_a);
         I_children = link.inertia_to_parent(joint, &I_A.eliminated(U, over_D));
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            add_branch(sums, carrier, &I_children, P_children);
+            (I_children, P_children) = (SpatialInertia::zero(), Vector6::zero());
+        }
+    }
+    if system.tree {
+        cold_path();
+        (I_children, P_children) = take_branches(sums, 0, &I_children, P_children);
     }
     let mut dual = Vector6::zero();
     if !system.fixed {
@@ -201,6 +222,10 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
 
     let base = AdjointMotion { twist, acceleration: accelerations.twist, gravity, dual };
     for i in 0..n {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            dual = at_carrier(carrier, base.dual, &memory.dual);
+        }
         let (joint, link) = (&joints[i], &links[i]);
         let at_link = link.twist_from_parent(joint, dual);
         memory.mu[i] = link.u_over_D - link.U_over_D.dot(at_link);
@@ -224,7 +249,8 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     }
 
     let none = Vector6::zero();
-    let mut sums = BodyCotangents { force: none, of_twist: none, of_acceleration: none, of_gravity: Vector3::zero() };
+    let zeros = BodyCotangents { force: none, of_twist: none, of_acceleration: none, of_gravity: Vector3::zero() };
+    let (mut sums, mut on_vehicle) = (zeros, zeros);
     for i in (0..n).rev() {
         let (joint, link) = (&joints[i], &links[i]);
         let force = memory.force[i] + sums.force;
@@ -276,6 +302,24 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         sums.of_twist = link.wrench_to_parent(joint, of_V);
         sums.of_acceleration = link.wrench_to_parent(joint, of_A);
         sums.of_gravity = link.wrench_to_parent(joint, Vector6 { linear: of_g, angular: Vector3::zero() }).linear;
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            if let Some(k) = (carrier as usize).checked_sub(1)
+                && k < n
+            {
+                memory.force[k] = memory.force[k] + sums.force;
+                memory.of_twist[k] = memory.of_twist[k] + sums.of_twist;
+                memory.of_acceleration[k] = memory.of_acceleration[k] + sums.of_acceleration;
+                memory.of_gravity[k] = memory.of_gravity[k] + sums.of_gravity;
+            } else {
+                on_vehicle = on_vehicle.plus(&sums);
+            }
+            sums = zeros;
+        }
+    }
+    if system.tree {
+        cold_path();
+        sums = sums.plus(&on_vehicle);
     }
 
     if system.fixed {

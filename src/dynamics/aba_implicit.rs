@@ -15,9 +15,11 @@
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
+use std::hint::cold_path;
+
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
 use super::joint_torque::implicit_joint_torque;
-use super::link::{Drive, add_joint_rate, joint_screws, with_zeros};
+use super::link::{Drive, add_branch, add_joint_rate, joint_screws, motion_at_carrier, take_branches, with_zeros};
 use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -69,10 +71,15 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
+    let Scratch { links, sums } = scratch;
+    let links = &mut links[..joints.len()];
     joint_screws(joints, true, q, links);
     let (mut g, mut V) = (gravity, twist);
     for i in 0..joints.len() {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+        }
         let (joint, link) = (&joints[i], &mut links[i]);
         (g, V) = link.outward(joint, g, V, qd[i]);
         (link.g, link.V) = (g, V);
@@ -86,6 +93,10 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         if loads.on_links {
             p = p - loads.links[i];
         }
+        if joint.branch.forks {
+            cold_path();
+            (I_children, p_children) = take_branches(sums, i + 1, &I_children, p_children);
+        }
         let I_A = I.plus(&I_children);
         p = p + p_children;
         let target = loads.target(i, time);
@@ -97,6 +108,15 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
             Drive::Torque { tau, damping: Some(damping) }
         };
         (I_children, p_children) = link.eliminate(joint, &I_A, p, drive);
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            add_branch(sums, carrier, &I_children, p_children);
+            (I_children, p_children) = (SpatialInertia::zero(), Vector6::zero());
+        }
+    }
+    if system.tree {
+        cold_path();
+        (I_children, p_children) = take_branches(sums, 0, &I_children, p_children);
     }
 
     if system.fixed {
@@ -118,9 +138,17 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
-        let (joint, link) = (&joints[i], &links[i]);
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
+        }
+        let (joint, link) = (&joints[i], &mut links[i]);
         V_dot = link.twist_from_parent(joint, V_dot) + with_zeros(link.c);
         qdd[i] = link.u_over_D - link.U_over_D.dot(V_dot);
         V_dot = add_joint_rate(joint, V_dot, qdd[i]);
+        if joint.branch.forks {
+            cold_path();
+            link.V = V_dot;
+        }
     }
 }

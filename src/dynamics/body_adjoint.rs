@@ -31,6 +31,19 @@ pub(super) struct BodyCotangents<L> {
     pub of_gravity: Vector3<L>,
 }
 
+impl<L: Lane> BodyCotangents<L> {
+    /// Sum with those of another body in the same frame.
+    #[inline(always)]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            force: self.force + other.force,
+            of_twist: self.of_twist + other.of_twist,
+            of_acceleration: self.of_acceleration + other.of_acceleration,
+            of_gravity: self.of_gravity + other.of_gravity,
+        }
+    }
+}
+
 /// Force and derivatives; with `IMPLICIT` for a linearly implicit method of step `h`, whose inertia contains damping and
 /// stiffness.
 #[inline(always)]

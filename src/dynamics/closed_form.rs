@@ -2,110 +2,12 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
-use super::dense::{DenseBody, DensePose, EndStop, friction, relative_twist};
-use super::dynamical_balance::{Composite, Equations};
-use crate::description::{Arm, Body, Scene, Vehicle};
+use super::closed_form_model::ClosedFormModel;
+use super::dense::{DensePose, EndStop, friction, relative_twist};
+use super::dynamical_balance::Equations;
 use crate::error::DynamicsError;
-use crate::system::{Flow, JOINTS, State};
+use crate::system::Flow;
 use crate::terms::{DenseInstant, PerTerm};
-
-/// Composed model of a scene, built once and evaluated at any state.
-#[derive(Debug, Clone)]
-pub struct ClosedFormModel {
-    /// Vehicle, arm and payload.
-    pub system: Composite,
-    /// The arm with its payload as a separate free-base system, base frame first. `[HC eq. 28]`
-    pub arm: Option<Composite>,
-    /// T_TCM, (6, thrusters): wrench on the vehicle per thrust. `[HC eq. 25]`
-    pub thruster_configuration: DMatrix<f64>,
-    /// True if the vehicle is fixed in the world. `[HC eq. 27]`
-    pub fixed: bool,
-    /// The vehicle, for the dense twins of its terms.
-    pub vehicle: Vehicle,
-    density: f64,
-    pub(super) gravity: Vector3<f64>,
-    /// Body of `system` that carries the end effector, and the end effector in its frame.
-    pub(super) end_effector: (usize, DensePose),
-}
-
-impl ClosedFormModel {
-    /// Composes vehicle, arm and payload of a scene.
-    ///
-    /// # Errors
-    /// [`DynamicsError::Joints`] for a scene with more joints than a [`State`] holds.
-    pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
-        let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
-        let payload =
-            scene.payload.as_ref().map(|payload| (DensePose::from_frame(&payload.frame), rigid(&payload.body)));
-        let vehicle = rigid(&scene.vehicle.body);
-        let (system, arm, end_effector) = match &scene.arm {
-            None => {
-                let system = match payload {
-                    None => vehicle,
-                    Some((frame, payload)) => vehicle.fixed_loading(0, frame, payload),
-                };
-                (system, None, (0, DensePose::identity()))
-            }
-            Some(description) => {
-                let end_effector = DensePose::from_frame(&description.end_effector);
-                let last = description.links.len();
-                let mut arm = compose_arm(description, scene);
-                if let Some((frame, payload)) = payload {
-                    arm = arm.fixed_loading(last, end_effector * frame, payload);
-                }
-                let mount = DensePose::from_frame(&description.mount.frame);
-                let system = match &description.mount.joint {
-                    None => vehicle.fixed_loading(0, mount, arm.clone()),
-                    Some(joint) => vehicle.joint_loading(0, mount, joint.clone(), arm.clone()),
-                };
-                (system, Some(arm), (1 + last, end_effector))
-            }
-        };
-        if system.joints() > JOINTS {
-            return Err(DynamicsError::Joints { joints: system.joints(), max: JOINTS });
-        }
-        let thrusters = &scene.vehicle.thrusters;
-        Ok(Self {
-            system,
-            arm,
-            thruster_configuration: DMatrix::from_fn(6, thrusters.len(), |i, k| thrusters[k].wrench()[i]),
-            fixed: scene.vehicle.fixed,
-            vehicle: scene.vehicle.clone(),
-            density: scene.water.density,
-            gravity: scene.water.gravity,
-            end_effector,
-        })
-    }
-
-    /// Closed form at `state` in a flow of the water or a steady current (world axes, m/s).
-    pub fn at(&self, state: &State, flow: impl Into<Flow>) -> ClosedForm<'_> {
-        let n = self.system.joints();
-        let flow = flow.into();
-        let water = state.rotation.tr_mul(&flow.velocity);
-        let equations = self.system.at(&state.twist, &state.q[..n], &state.qd[..n], &water);
-        let moving: Vec<usize> =
-            equations.bodies.iter().enumerate().filter(|(k, body)| body.carrier == *k).map(|(k, _)| k).collect();
-        ClosedForm {
-            model: self,
-            equations,
-            moving,
-            pose: DensePose { rotation: state.rotation, position: state.position },
-            q: DVector::from_column_slice(&state.q[..n]),
-            qd: DVector::from_column_slice(&state.qd[..n]),
-            flow,
-        }
-    }
-}
-
-/// Base and links, one joint loading after the other. `[HC eq. 28]`
-fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
-    // Without a body the base is a mere frame.
-    let base = DenseBody::new(arm.base.as_ref().unwrap_or(&Body::default()), &scene.water);
-    arm.links.iter().enumerate().fold(Composite::rigid_body(base), |arm, (carrier, link)| {
-        let body = Composite::rigid_body(DenseBody::new(&link.body, &scene.water));
-        arm.joint_loading(carrier, DensePose::identity(), link.joint.clone(), body)
-    })
-}
 
 /// Applied thrusts, wrenches, torques and fin deflections; an empty slice stands for zeros.
 #[derive(Debug, Clone, Copy, Default)]

@@ -6,8 +6,10 @@
 
 #![allow(non_snake_case, reason = "twists carry their usual symbol")]
 
+use std::hint::cold_path;
+
 use super::aba::{Scratch, body_bias};
-use super::link::joint_screws;
+use super::link::{add_branch, add_to_carrier, joint_screws, motion_at_carrier, take_branches};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -36,23 +38,50 @@ impl<L: Lane> CompositeBody<L> {
         scratch: &mut Scratch<L>,
     ) -> Self {
         let joints = system.chain();
-        let links = &mut scratch.links[..joints.len()];
+        let Scratch { links, sums } = scratch;
+        let links = &mut links[..joints.len()];
         joint_screws(joints, true, q, links);
         let (mut g, mut V) = (gravity, twist);
         for i in 0..joints.len() {
+            if let Some(carrier) = joints[i].branch.carrier {
+                cold_path();
+                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             (link.g, link.V) = (g, V);
+            if joint.branch.forks {
+                cold_path();
+                link.p = Vector6::zero();
+            }
         }
-        let mut composite = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
+        let none = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
+        let (mut composite, mut on_vehicle) = (none, Vector6::zero());
         for i in (0..joints.len()).rev() {
             let (joint, link) = (&joints[i], &links[i]);
+            if joint.branch.forks {
+                cold_path();
+                (composite.inertia, composite.momentum) =
+                    take_branches(sums, i + 1, &composite.inertia, composite.momentum);
+                composite.force = composite.force + link.p;
+            }
             composite.add(&joint.body, link.V, link.g);
             composite = Self {
                 inertia: link.inertia_to_parent(joint, &composite.inertia),
                 momentum: link.wrench_to_parent(joint, composite.momentum),
                 force: link.wrench_to_parent(joint, composite.force),
             };
+            if let Some(carrier) = joint.branch.carrier {
+                cold_path();
+                add_branch(sums, carrier, &composite.inertia, composite.momentum);
+                add_to_carrier(carrier, composite.force, &mut on_vehicle, links);
+                composite = none;
+            }
+        }
+        if system.tree {
+            cold_path();
+            (composite.inertia, composite.momentum) = take_branches(sums, 0, &composite.inertia, composite.momentum);
+            composite.force = composite.force + on_vehicle;
         }
         composite.add(&system.vehicle, twist, gravity);
         composite

@@ -2,7 +2,8 @@
 
 use nalgebra::{DVector, Vector6};
 
-use super::closed_form::{ClosedForm, ClosedFormModel, Loads};
+use super::closed_form::{ClosedForm, Loads};
+use super::closed_form_model::ClosedFormModel;
 use crate::error::DynamicsError;
 use crate::system::{Flow, State};
 

@@ -19,7 +19,7 @@ pub(crate) struct LinkScratch<L> {
     pub screw: [L; 2],
     /// Theta at the start of the step, its sine and its cosine.
     pub start: [L; 3],
-    /// Gravity in link axes, m/s2; set by the implicit passes only.
+    /// Gravity in link axes, m/s2; set by the implicit passes, and where joints branch off.
     pub g: Vector3<L>,
     /// `U / D`. The explicit form does not use its component along the joint, `1 - J / D`.
     pub U_over_D: Vector6<L>,
@@ -27,7 +27,7 @@ pub(crate) struct LinkScratch<L> {
     pub J_over_D: L,
     /// Inertia about or along the joint, without what an implicit step adds for the joint's forces; set by the implicit passes only.
     pub along: L,
-    /// Twist relative to the water; set by the implicit passes only.
+    /// Twist relative to the water, then its rate; set by the implicit passes, and where joints branch off.
     pub V: Vector6<L>,
     /// `c = ad_V E q'` without its vanishing entries: x and y of the linear and of the angular part.
     pub c: [L; 4],
@@ -46,10 +46,85 @@ pub(crate) enum Drive<L> {
     Acceleration(L),
 }
 
+/// Sum of what branches add to the body that carries them; 0 between passes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BranchSum<L> {
+    /// Articulated inertia.
+    pub inertia: SpatialInertia<L>,
+    /// Bias wrench.
+    pub p: Vector6<L>,
+}
+
 /// Working memory of the passes.
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
+    /// Sums of branches: entry 0 of the vehicle, k + 1 of the link of joint k. Chains do not touch them.
+    pub(crate) sums: [BranchSum<L>; JOINTS + 1],
+}
+
+/// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
+#[inline(always)]
+pub(super) fn at_carrier<T: Copy>(carrier: u8, vehicle: T, links: &[T]) -> T {
+    match (carrier as usize).checked_sub(1) {
+        Some(k) if k < links.len() => links[k],
+        _ => vehicle,
+    }
+}
+
+/// [`at_carrier`] of gravity and twist, from the links that carry branches.
+#[inline(always)]
+pub(super) fn motion_at_carrier<L: Lane>(
+    carrier: u8,
+    vehicle: (Vector3<L>, Vector6<L>),
+    links: &[LinkScratch<L>],
+) -> (Vector3<L>, Vector6<L>) {
+    match (carrier as usize).checked_sub(1) {
+        Some(k) if k < links.len() => (links[k].g, links[k].V),
+        _ => vehicle,
+    }
+}
+
+/// Adds the wrench of a branch to the wrench p of its carrier.
+#[inline(always)]
+pub(super) fn add_to_carrier<L: Lane>(
+    carrier: u8,
+    wrench: Vector6<L>,
+    vehicle: &mut Vector6<L>,
+    links: &mut [LinkScratch<L>],
+) {
+    let p = match (carrier as usize).checked_sub(1) {
+        Some(k) if k < links.len() => &mut links[k].p,
+        _ => vehicle,
+    };
+    *p = *p + wrench;
+}
+
+/// Adds inertia and bias wrench of a branch to the sum of its carrier.
+#[inline(always)]
+pub(super) fn add_branch<L: Lane>(
+    sums: &mut [BranchSum<L>; JOINTS + 1],
+    carrier: u8,
+    inertia: &SpatialInertia<L>,
+    p: Vector6<L>,
+) {
+    if let Some(sum) = sums.get_mut(carrier as usize) {
+        *sum = BranchSum { inertia: sum.inertia.plus(inertia), p: sum.p + p };
+    }
+}
+
+/// Takes the sum of the branches on a body, and leaves 0.
+#[inline(always)]
+pub(super) fn take_branches<L: Lane>(
+    sums: &mut [BranchSum<L>; JOINTS + 1],
+    body: usize,
+    inertia: &SpatialInertia<L>,
+    p: Vector6<L>,
+) -> (SpatialInertia<L>, Vector6<L>) {
+    let Some(sum) = sums.get_mut(body) else { return (*inertia, p) };
+    let all = (inertia.plus(&sum.inertia), p + sum.p);
+    *sum = BranchSum { inertia: SpatialInertia::zero(), p: Vector6::zero() };
+    all
 }
 
 impl<L: Lane> Scratch<L> {
@@ -68,7 +143,8 @@ impl<L: Lane> Scratch<L> {
             p: none,
             u_over_D: zero,
         };
-        Self { links: [link; JOINTS] }
+        let sum = BranchSum { inertia: SpatialInertia::zero(), p: none };
+        Self { links: [link; JOINTS], sums: [sum; JOINTS + 1] }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.

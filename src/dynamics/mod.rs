@@ -8,6 +8,7 @@
 //! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
 //! | `rnea` | recursive Newton-Euler algorithm: inverse dynamics in O(n) | lanes, over `System` |
 //! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
+//! | `closed_form_model` | composition of a scene's vehicle, arm and payload | dense f64 |
 //! | `closed_form` | `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state, with its solve | dense f64 |
 //! | `fossen` | `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau` from the closed form | dense f64 |
 //! | `kinematics`, `inverse_dynamics`, `energy`, `momentum` | results of the closed form | dense f64 |
@@ -20,6 +21,7 @@ pub mod aba_adjoint;
 pub mod aba_implicit;
 mod body_adjoint;
 mod closed_form;
+mod closed_form_model;
 mod composite_body;
 pub mod dense;
 mod dynamical_balance;
@@ -35,7 +37,8 @@ mod modes;
 mod momentum;
 mod rnea;
 
-pub use closed_form::{BodyWrenches, ClosedForm, ClosedFormModel, JointTorques, Loads, Residual};
+pub use closed_form::{BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
+pub use closed_form_model::ClosedFormModel;
 pub use composite_body::CompositeBody;
 pub use dynamical_balance::{BodyMotion, Composite, Equations};
 pub use energy::{Energy, Power, relative_to_water};

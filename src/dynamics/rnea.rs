@@ -7,8 +7,10 @@
 
 #![allow(non_snake_case, reason = "twists and wrenches carry the symbols of the header")]
 
+use std::hint::cold_path;
+
 use super::aba::{Scratch, body_bias};
-use super::link::{add_joint_rate, joint_screws, with_zeros};
+use super::link::{add_joint_rate, add_to_carrier, at_carrier, joint_screws, motion_at_carrier, with_zeros};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
@@ -30,13 +32,25 @@ pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
     let links = &mut scratch.links[..joints.len()];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, rate);
+    // Rates of the twists of links that carry branches.
+    let mut rates = [Vector6::zero(); JOINTS];
     for i in 0..joints.len() {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
+            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            A = at_carrier(carrier, rate, &rates);
+        }
         let (joint, link) = (&joints[i], &mut links[i]);
         (g, V) = link.outward(joint, g, V, qd[i]);
         A = add_joint_rate(joint, link.twist_from_parent(joint, A) + with_zeros(link.c), qdd[i]);
         link.p = force(&joint.body, V, A, g);
+        if joint.branch.forks {
+            cold_path();
+            (link.g, link.V, rates[i]) = (g, V, A);
+        }
     }
     let (mut torques, mut children) = ([L::zero(); JOINTS], Vector6::zero());
+    let mut on_vehicle = force(&system.vehicle, twist, rate, gravity);
     for i in (0..joints.len()).rev() {
         let (joint, link) = (&joints[i], &links[i]);
         let F = link.p + children;
@@ -48,8 +62,13 @@ pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
             torques[i] += inertia.get() * qdd[i];
         }
         children = link.wrench_to_parent(joint, F);
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            add_to_carrier(carrier, children, &mut on_vehicle, links);
+            children = Vector6::zero();
+        }
     }
-    (force(&system.vehicle, twist, rate, gravity) + children, torques)
+    (on_vehicle + children, torques)
 }
 
 /// Wrench on a body beside weight, buoyancy and damping.

@@ -34,6 +34,9 @@ pub enum Problem {
     /// Key that the scene does not have.
     #[error("the scene has no such key; the most similar one is {nearest}")]
     NoSuchKey { nearest: String },
+    /// Name of a body that does not come before.
+    #[error("is \"{value}\", but must be one of the bodies before it: {expected}")]
+    NoSuchBody { value: String, expected: String },
     /// Wrong type or wrong length.
     #[error("{reason}; the value is {value}")]
     Form { reason: String, value: String },

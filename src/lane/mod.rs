@@ -69,8 +69,8 @@ pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos
 pub use function::{Function, differentiate, evaluate};
 pub use isa::{Isa, UnknownIsa};
 pub use number::{Kernel, Lane, Real, Routine};
-pub(crate) use numbers::numbers;
 pub use numbers::{Many, Numbers, One, RunVisitor, Struct};
+pub(crate) use numbers::{no_numbers, numbers};
 pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;

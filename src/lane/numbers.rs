@@ -52,16 +52,23 @@ impl<P: Copy> Numbers<P, One> for P {
     }
 }
 
-impl<P> Numbers<P, Struct> for bool {
-    type With<Q> = bool;
+/// Types of a structure without numbers.
+macro_rules! no_numbers {
+    ($($name:ty),*) => {
+        $(impl<P> $crate::lane::Numbers<P, $crate::lane::Struct> for $name {
+            type With<Q> = Self;
 
-    fn map<Q>(&self, _: &impl Fn(P) -> Q) -> bool {
-        *self
-    }
+            fn map<Q>(&self, _: &impl Fn(P) -> Q) -> Self {
+                *self
+            }
 
-    #[inline(always)]
-    fn visit(&mut self, _: &mut impl RunVisitor<P>) {}
+            #[inline(always)]
+            fn visit(&mut self, _: &mut impl $crate::lane::RunVisitor<P>) {}
+        })*
+    };
 }
+pub(crate) use no_numbers;
+no_numbers!(bool, usize);
 
 impl<P, K, N: Numbers<P, K>, const SIZE: usize> Numbers<P, Many<K>> for [N; SIZE] {
     type With<Q> = [N::With<Q>; SIZE];

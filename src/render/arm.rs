@@ -6,7 +6,7 @@ use super::Vector;
 use super::hull::single;
 use super::mesh::{Mesh, Vertex, across};
 use super::paint::Paint;
-use crate::description::{Body, JointKind, Scene, Water};
+use crate::description::{Body, JointKind, Parent, Scene, Water};
 use crate::system::{EndEffector, JOINTS, Joints};
 
 const LINK: Paint = Paint::new(0xD9DCDD).glossy(0.3);
@@ -29,6 +29,14 @@ pub struct ArmModel {
     /// Axis of each joint in its link's frame, and true if it is prismatic.
     axes: Vec<(Vector3<f64>, bool)>,
     tip: EndEffector,
+    /// Link that carries the end effector.
+    tip_link: Option<usize>,
+    /// Links on the arm's base.
+    on_base: Vec<usize>,
+    /// Links on each link.
+    on_link: Vec<Vec<usize>>,
+    /// End of each link in its frame, m, by its centre of mass; drawn where the link carries nothing.
+    ends: Vec<Vector3<f64>>,
     /// Radius of each link.
     radii: Vec<f32>,
     /// Mass of the scene's payload, kg.
@@ -43,16 +51,38 @@ impl ArmModel {
         let joints: Vec<_> = scene.joints().collect();
         let axes = joints.iter().map(|joint| (joint.axis, joint.kind == JointKind::Prismatic)).collect();
         let bodies = arm.base.iter().filter(|_| arm.mount.joint.is_some());
-        let bodies = bodies.chain(arm.links.iter().map(|link| &link.body));
+        let bodies: Vec<_> = bodies.chain(arm.links.iter().map(|link| &link.body)).collect();
+        let first = bodies.len() - arm.links.len();
+        let (mut on_base, mut on_link) = (Vec::from_iter(0..first), vec![Vec::new(); bodies.len()]);
+        for i in 0..arm.links.len() {
+            match arm.parent(i) {
+                Some(Parent::Link(k)) => on_link[first + k].push(first + i),
+                Some(Parent::Base) if first > 0 => on_link[0].push(first + i),
+                Some(Parent::Base) => on_base.push(i),
+                Some(Parent::Vehicle) | None => {}
+            }
+        }
+        let tip_link = match arm.tip() {
+            Some(Parent::Link(k)) => Some(first + k),
+            Some(Parent::Base) => first.checked_sub(1),
+            Some(Parent::Vehicle) | None => None,
+        };
+        let ends = bodies.iter().map(|body| body.center_of_mass * 2.0).collect();
         let mount = single(&arm.mount.frame.position);
         let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
-        let mut this = Self { mount, links, axes, tip, radii: Vec::new(), payload };
+        let radii = Vec::new();
+        let mut this = Self { mount, links, axes, tip, tip_link, on_base, on_link, ends, radii, payload };
         // Lengths of links depend on prismatic joints only.
         let (points, end) = this.points(&scene.home());
-        let ends = points.iter().skip(1).copied().chain([end.1]);
-        let lengths: Vec<f32> = points.iter().zip(ends).map(|(a, b)| (b - a).norm()).collect();
+        let longest = |(i, from): (usize, &Vector)| {
+            let tip = (tip_link == Some(i)).then_some(end.1);
+            let ends = this.ends(i, &points, &scene.home()).into_iter().chain(tip);
+            ends.map(|end| (end - from).norm()).fold(0.0, f32::max)
+        };
+        let lengths: Vec<f32> = points.iter().enumerate().map(longest).collect();
         let total = lengths.iter().sum::<f32>() + (end.1 - this.mount).norm() * 1e-3;
-        this.radii = bodies.zip(&lengths).map(|(body, length)| radius(body, &scene.water, *length, total)).collect();
+        let radius = |(body, length): (&&Body, &f32)| radius(body, &scene.water, *length, total);
+        this.radii = bodies.iter().zip(&lengths).map(radius).collect();
         Some(this)
     }
 
@@ -60,6 +90,15 @@ impl ArmModel {
     fn points(&self, q: &Joints) -> (Vec<Vector>, (Matrix3<f64>, Vector)) {
         let (rotation, tip) = self.tip.pose(q);
         (self.links.iter().map(|link| single(&link.pose(q).1)).collect(), (rotation, single(&tip)))
+    }
+
+    /// Ends of link `i` in the vehicle frame: the links on it, else its own end unless it carries the end effector.
+    fn ends(&self, i: usize, points: &[Vector], q: &Joints) -> Vec<Vector> {
+        if self.on_link[i].is_empty() && self.tip_link != Some(i) {
+            let (rotation, position) = self.links[i].pose(q);
+            return vec![single(&(rotation * self.ends[i] + position))];
+        }
+        self.on_link[i].iter().map(|&k| points[k]).collect()
     }
 
     /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's: the foot at the mount, then the links. Returns
@@ -70,8 +109,10 @@ impl ArmModel {
         let (points, (attitude, tip)) = self.points(&joints);
         let thick = self.radii.first().copied().unwrap_or(0.03);
         // A foot at the mount.
-        let base = points.first().copied().unwrap_or(tip);
-        mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
+        let tip_on_base = (points.is_empty()).then_some(tip);
+        for base in self.on_base.iter().map(|&k| points[k]).chain(tip_on_base) {
+            mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
+        }
         let mut starts = Vec::with_capacity(points.len());
         for (i, from) in points.iter().enumerate() {
             starts.push(mesh.vertices.len());
@@ -88,17 +129,20 @@ impl ArmModel {
                     mesh.cylinder(at - axis * (0.08 * r), at + axis * (0.08 * r), 0.8 * r, 14, RING);
                 }
             }
-            match points.get(i + 1) {
-                Some(to) => mesh.capsule(*from, *to, 0.86 * r, 16, LINK),
-                None => gripper(mesh, *from, tip, &attitude, r),
+            for to in self.ends(i, &points, &joints) {
+                mesh.capsule(*from, to, 0.86 * r, 16, LINK);
+            }
+            if self.tip_link == Some(i) {
+                gripper(mesh, *from, tip, &attitude, r);
             }
         }
-        let r = 0.3 * self.radii.last().copied().unwrap_or(thick);
+        let r = 0.3 * self.tip_link.map_or(thick, |k| self.radii[k]);
         mesh.ellipsoid(tip, Vector::repeat(r), 12, |_| TIP);
         let load = self.payload + payload;
         if load > 0.0 && load.is_finite() {
             let radius = (load / PAYLOAD_DENSITY * 0.75 / std::f64::consts::PI).cbrt() as f32;
-            let ahead = points.last().map_or(-Vector::z(), |p| (tip - p).try_normalize(1e-6).unwrap_or(-Vector::z()));
+            let from = self.tip_link.map(|k| points[k]);
+            let ahead = from.map_or(-Vector::z(), |from| (tip - from).try_normalize(1e-6).unwrap_or(-Vector::z()));
             mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| PAYLOAD);
         }
         starts

@@ -3,9 +3,9 @@
 use super::bodies::{Part, merged};
 use super::factors::UnscaledBodyTerms;
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, pose, tidy, vector};
-use super::model::{Actuator, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
+use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
-use crate::description::{Joint, JointKind, LinearActuator, Scene, Vehicle};
+use crate::description::{Joint, JointKind, LinearActuator, Parent, Scene, Vehicle};
 use crate::lane::Shared;
 use crate::lie::Pose;
 
@@ -16,7 +16,7 @@ pub struct Compiled {
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
-    /// Attachment of payloads: the end effector's origin in the last moving body's frame, m.
+    /// Attachment of payloads: the end effector's origin in the frame of its moving body, m.
     pub payload_attachment: [f64; 3],
     /// Parts of the terms of each moving body, vehicle first.
     pub unscaled: Vec<UnscaledBodyTerms<Shared<f64>>>,
@@ -28,40 +28,53 @@ pub fn compile(scene: &Scene) -> Compiled {
     let mut parts = vec![Part::of(&scene.vehicle.body, Pose::identity(), water)];
     let mut vehicle = parts.split_off(0);
     let mut moving: Vec<(&Joint, Vec<Part>)> = Vec::new();
-    // Poses at q = 0, in the vehicle frame, of the moving links' frames, and of the frame that carries the next part.
+    // Of the moving links: poses of their frames at q = 0, in the vehicle frame, and the joints that carry them, if any.
     let mut zero_poses: Vec<Pose<f64>> = Vec::new();
-    let mut parent = Pose::identity();
-    let mut tip = Pose::identity();
+    let mut carriers: Vec<Option<usize>> = Vec::new();
+    // Frame and carrier of the end effector.
+    let (mut tip, mut tip_carrier) = (Pose::identity(), None);
 
     if let Some(arm) = &scene.arm {
-        parent = pose(&arm.mount.frame);
+        let mut base = pose(&arm.mount.frame);
+        let first = usize::from(arm.mount.joint.is_some());
         if let Some(joint) = &arm.mount.joint {
-            parent = parent.times(&pose(&joint.frame));
-            zero_poses.push(parent);
-            let base = arm.base.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
-            moving.push((joint, base));
+            base = base.times(&pose(&joint.frame));
+            zero_poses.push(base);
+            carriers.push(None);
+            let part = arm.base.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
+            moving.push((joint, part));
         } else {
-            vehicle.extend(arm.base.iter().map(|body| Part::of(body, parent, water)));
+            vehicle.extend(arm.base.iter().map(|body| Part::of(body, base, water)));
         }
-        for link in &arm.links {
-            parent = parent.times(&pose(&link.joint.frame));
-            zero_poses.push(parent);
+        // Frame of a body in the vehicle frame at q = 0, and its joint.
+        let body = |of: Option<Parent>, links: &[Pose<f64>]| match of {
+            Some(Parent::Link(k)) => (links[first + k], Some(first + k)),
+            Some(Parent::Vehicle) => (Pose::identity(), None),
+            Some(Parent::Base) | None => (base, first.checked_sub(1)),
+        };
+        for (i, link) in arm.links.iter().enumerate() {
+            let (parent, carrier) = body(arm.parent(i), &zero_poses);
+            zero_poses.push(parent.times(&pose(&link.joint.frame)));
+            carriers.push(carrier);
             moving.push((&link.joint, vec![Part::of(&link.body, Pose::identity(), water)]));
         }
-        tip = pose(&arm.end_effector);
+        let (frame, carrier) = body(arm.tip(), &zero_poses);
+        (tip, tip_carrier) = (pose(&arm.end_effector), carrier);
+        if carrier.is_none() {
+            tip = frame.times(&tip);
+        }
     }
     if let Some(payload) = &scene.payload {
-        let at = tip.times(&pose(&payload.frame));
-        match moving.last_mut() {
-            Some((_, last)) => last.push(Part::of(&payload.body, at, water)),
-            None => vehicle.push(Part::of(&payload.body, parent.times(&at), water)),
-        }
+        let parts = tip_carrier.map_or(&mut vehicle, |k| &mut moving[k].1);
+        parts.push(Part::of(&payload.body, tip.times(&pose(&payload.frame)), water));
     }
 
     let lines: Vec<Line> = moving
         .iter()
         .zip(&zero_poses)
-        .map(|((joint, _), link)| Line {
+        .zip(&carriers)
+        .map(|(((joint, _), link), carrier)| Line {
+            carrier: *carrier,
             point: link.position,
             direction: link.rotation.apply(vector(&joint.axis)),
             axes: link.rotation,
@@ -77,11 +90,18 @@ pub fn compile(scene: &Scene) -> Compiled {
         .iter()
         .zip(&frames)
         .zip(&links)
-        .map(|(((joint, parts), frame), link)| {
+        .enumerate()
+        .map(|(i, (((joint, parts), frame), link))| {
             let prismatic = joint.kind == JointKind::Prismatic;
             let (body, of_body) = merged(parts, link);
             unscaled.push(of_body.map(Shared));
+            let before = carriers[i] == i.checked_sub(1);
+            let branches = (0..carriers.len()).any(|k| k != i + 1 && carriers[k] == Some(i));
             JointTerms {
+                branch: Branch {
+                    carrier: (!before).then(|| carriers[i].map_or(0, |k| k as u8 + 1)),
+                    forks: branches || (tip_carrier == Some(i) && i + 1 < carriers.len()),
+                },
                 placement: frame.placement,
                 offset: if prismatic { frame.d } else { frame.theta },
                 screw: if prismatic {
@@ -105,6 +125,8 @@ pub fn compile(scene: &Scene) -> Compiled {
         unscaled.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
         sparse,
+        tree: joints.iter().any(|joint| joint.branch.carrier.is_some()),
+        payload_body: tip_carrier.map_or(0, |k| k + 1),
         prescribed: joints.iter().any(|joint| joint.prescribed),
         z_aligned: joints.iter().all(|joint| joint.body.is_z_aligned()),
         gravity: water.gravity.into(),
@@ -115,7 +137,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         thrusters: thrusters(&scene.vehicle),
         terms: scene.vehicle.terms(water),
     };
-    let payload_attachment = tidy(&links.last().unwrap_or(&parent).times(&tip)).position.0;
+    let payload_attachment = tidy(&tip_carrier.map_or(tip, |k| links[k].times(&tip))).position.0;
     Compiled { system: system.map(Shared), links, payload_attachment, unscaled }
 }
 

@@ -6,16 +6,18 @@ use super::compile::compile;
 use super::joint_frames::placed;
 use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
-use crate::description::Scene;
+use crate::description::{Parent, Scene};
 use crate::lane::{Lane, Param, Routine, Shared, get_option, numbers, sin_cos};
 use crate::lie::{Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
 numbers! {
-    /// The chain from the vehicle frame to the end effector, in the kernel's joint frames.
+    /// The joints from the vehicle frame to the end effector, in the kernel's joint frames.
     #[derive(Debug, Clone, PartialEq)]
     pub struct EndEffector<P = Shared<f64>> {
         joints: Vec<ChainLink<P>>,
+        /// Body that carries it: 0 for the vehicle, i + 1 for the link of joint i.
+        body: usize,
         /// Rotation to the frame of the last joint (of the vehicle, if there is none).
         rotation: [[P; 3]; 3],
         /// Position in that frame, m.
@@ -27,6 +29,8 @@ numbers! {
     /// Kinematics of a joint: [`JointTerms`] without the body.
     #[derive(Debug, Clone, PartialEq)]
     struct ChainLink<P> {
+        /// Index among all joints.
+        index: usize,
         placement: JointPlacement<P>,
         offset: P,
         screw: JointScrew<P>,
@@ -37,12 +41,14 @@ impl EndEffector {
     /// End effector of a checked scene: the vehicle frame if it has no arm.
     pub fn new(scene: &Scene) -> Self {
         let compiled = compile(scene);
-        let tip = match (&scene.arm, compiled.links.last()) {
-            (Some(arm), Some(link)) => link.times(&placed(&arm.end_effector)),
-            (Some(arm), None) => placed(&arm.mount.frame).times(&placed(&arm.end_effector)),
-            (None, _) => Pose::identity(),
+        let body = compiled.system.payload_body;
+        let end_effector = scene.arm.as_ref().map_or_else(Pose::identity, |arm| placed(&arm.end_effector));
+        let tip = match (&scene.arm, body.checked_sub(1)) {
+            (_, Some(k)) => compiled.links[k].times(&end_effector),
+            (Some(arm), None) if arm.tip() != Some(Parent::Vehicle) => placed(&arm.mount.frame).times(&end_effector),
+            (_, None) => end_effector,
         };
-        Self::at_end(&compiled.system.joints, &tip)
+        Self::on(&compiled.system.joints, body, &tip)
     }
 
     /// Frames of the moving links of a checked scene, each with the chain that leads to it; the arm's base comes first if it
@@ -50,18 +56,21 @@ impl EndEffector {
     pub fn links(scene: &Scene) -> Vec<Self> {
         let compiled = compile(scene);
         let joints = &compiled.system.joints;
-        compiled.links.iter().enumerate().map(|(i, link)| Self::at_end(&joints[..=i], link)).collect()
+        compiled.links.iter().enumerate().map(|(i, link)| Self::on(joints, i + 1, link)).collect()
     }
 
-    /// A frame at `tip` in the frame of the last of these joints.
-    fn at_end(joints: &[JointTerms<Shared<f64>>], tip: &Pose<f64>) -> Self {
-        let link = |joint: &JointTerms<Shared<f64>>| ChainLink {
-            placement: joint.placement,
-            offset: joint.offset,
-            screw: joint.screw,
+    /// A frame at `tip` in the frame of this body.
+    fn on(joints: &[JointTerms<Shared<f64>>], body: usize, tip: &Pose<f64>) -> Self {
+        let link = |index: usize| {
+            let JointTerms { placement, offset, screw, .. } = joints[index];
+            ChainLink { index, placement, offset, screw }
         };
+        let carrier = |&body: &usize| (body > 0).then(|| joints[body - 1].carrier(body - 1));
+        let bodies = std::iter::successors(Some(body), carrier).take_while(|&body| body > 0);
+        let mut path: Vec<_> = bodies.map(|body| link(body - 1)).collect();
+        path.reverse();
         let (rotation, position) = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
-        Self { joints: joints.iter().map(link).collect(), rotation, position }
+        Self { joints: path, body, rotation, position }
     }
 
     /// Rotation to the vehicle frame and position in it, m, at joint coordinates `q`. `[MLS94 sec. 3.2]`
@@ -78,7 +87,7 @@ impl<P: Copy> EndEffector<P> {
     where
         P: Param<L>,
     {
-        (self.joints.len(), Pose::of(&self.rotation, &self.position))
+        (self.body, Pose::of(&self.rotation, &self.position))
     }
 
     /// Pose in the vehicle frame at joint coordinates `q`.
@@ -104,7 +113,7 @@ impl<P: Copy> EndEffector<P> {
         while i > 0 {
             i -= 1;
             let joint = &self.joints[i];
-            let coordinate = q[i] + joint.offset.get();
+            let coordinate = q[joint.index] + joint.offset.get();
             let screw = match joint.screw {
                 JointScrew::Revolute { d } => {
                     let (sin, cos) = sin_cos(coordinate);

@@ -41,7 +41,7 @@ numbers! {
 
 impl<T: Real> System<Shared<T>> {
     /// Memory for a system with numbers per instance, with every term that [`System::apply_factors`] may need: `unscaled` terms
-    /// of the bodies (vehicle first), and the attachment of payloads in the last body's frame, if any.
+    /// of the bodies (vehicle first), and the attachment of payloads in the frame of their body, if any.
     pub fn allocate_scaled<L: Lane<Real = T>>(
         &self,
         unscaled: &[UnscaledBodyTerms<Shared<T>>],
@@ -63,9 +63,9 @@ impl<T: Real> System<Shared<T>> {
             system.sparse &= !(off_y && (off_x || off_z));
             let position = BodyPoint::of(attachment.map(|Shared(x)| x.to_f64())).map(|x| L::splat(T::from_f64(x)));
             let payload = PointMass { mass: L::zero(), position };
-            let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
-            last.restoring.get_or_insert(none);
-            last.payload = Some(payload);
+            let body = system.payload_body_mut();
+            body.restoring.get_or_insert(none);
+            body.payload = Some(payload);
         }
         system
     }

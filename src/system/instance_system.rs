@@ -15,7 +15,7 @@ numbers! {
         pub system: System<P>,
         /// Parts of the terms of each moving body, vehicle first.
         pub unscaled: Vec<UnscaledBodyTerms<P>>,
-        /// Attachment of payloads, in the last moving body's frame, m.
+        /// Attachment of payloads, in the frame of their body, m.
         pub payload_attachment: [P; 3],
     }
 }
@@ -45,12 +45,8 @@ impl<L: Lane> InstanceSystem<L> {
     /// Puts the payload, if there is one, at its attachment.
     #[inline(always)]
     pub fn attach_payload(&mut self) {
-        let last = match self.system.joints.last_mut() {
-            Some(joint) => &mut joint.body,
-            None => &mut self.system.vehicle,
-        };
-        if let Some(payload) = &mut last.payload {
-            let [x, y, z] = self.payload_attachment;
+        let [x, y, z] = self.payload_attachment;
+        if let Some(payload) = &mut self.system.payload_body_mut().payload {
             match &mut payload.position {
                 BodyPoint::X(to) => *to = x,
                 BodyPoint::Y(to) => *to = y,

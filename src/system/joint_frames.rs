@@ -1,7 +1,7 @@
 //! Joint frames of the kernel.
 //!
-//! Every serial chain of revolute and prismatic joints can be written in modified Denavit-Hartenberg frames: z along
-//! the joint, x along the common normal to the next joint's axis. Between nearly parallel axes, whose common normal is far away
+//! Every chain of revolute and prismatic joints can be written in modified Denavit-Hartenberg frames: z along the joint, x along
+//! the common normal to the axis of the first joint on its link; further joints have a constant turn and offset about z before it. Between nearly parallel axes, whose common normal is far away
 //! and ill conditioned, the constant transform stays a general pose.
 
 use nalgebra as na;
@@ -15,6 +15,8 @@ use super::model::JointPlacement;
 /// Axis line of a joint at q = 0, in the vehicle frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
+    /// Joint whose link carries this one; none for the vehicle.
+    pub carrier: Option<usize>,
     /// A point on the axis.
     pub point: Vector3<f64>,
     /// Unit direction.
@@ -28,7 +30,7 @@ pub struct Line {
 pub struct JointFrame {
     /// Pose in the vehicle frame at q = 0.
     pub pose: Pose<f64>,
-    /// Constant transform from the parent's joint frame (the vehicle frame for the first joint).
+    /// Constant transform from the carrier's joint frame, or from the vehicle's frame.
     pub placement: JointPlacement<f64>,
     /// theta at q = 0, rad.
     pub theta: f64,
@@ -64,40 +66,51 @@ impl Normal {
     }
 }
 
-/// Joint frames of a chain.
+/// Joint frames of a tree, carriers first.
 pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
-    let normals: Vec<Option<Normal>> = lines.windows(2).map(|pair| common_normal(pair[0], pair[1])).collect();
+    // The first joint on each link, and the common normal of both axes.
+    let child = |i: usize| lines.iter().position(|line| line.carrier == Some(i));
+    let normals: Vec<Option<Normal>> =
+        lines.iter().enumerate().map(|(i, line)| common_normal(*line, lines[child(i)?])).collect();
     let mut frames: Vec<JointFrame> = Vec::with_capacity(lines.len());
     for (i, line) in lines.iter().enumerate() {
-        let pose = match normals.get(i).and_then(Option::as_ref) {
+        // The carrier, if this is the first joint on it.
+        let before = line.carrier.filter(|&k| child(k) == Some(i));
+        let pose = match &normals[i] {
             Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
             None => {
                 // The origin is free along the axis: at the foot of the normal with the joint before, d is 0. The direction of x
                 // is free: along the link's own axes, in which its coefficients are given.
-                let before = i.checked_sub(1).and_then(|k| normals[k].as_ref());
+                let before = before.and_then(|k| normals[k].as_ref());
                 let point = before.map_or(line.point, |normal| normal.feet[1]);
                 frame(point, perpendicular(line.direction, line.axes), line.direction)
             }
         };
-        let next = match frames.last() {
-            None => first(*line, pose),
-            Some(parent) => match &normals[i - 1] {
+        let next = match (before, line.carrier) {
+            (Some(parent), _) => match &normals[parent] {
                 Some(normal) => {
                     let placement = JointPlacement::Dh(link_twist(normal.sin, normal.cos), nonzero(normal.length()));
                     by_normal(normal, *line, pose, placement)
                 }
-                None => by_pose(&inverse(&parent.pose).times(&pose), pose),
+                None => by_pose(&inverse(&frames[parent].pose).times(&pose), pose),
             },
+            (None, None) => by_z_axis(*line, pose),
+            (None, Some(carrier)) => {
+                let carrier = inverse(&frames[carrier].pose);
+                let (point, direction) = (carrier.rotation.apply(line.point) + carrier.position, line.direction);
+                let direction = carrier.rotation.apply(direction);
+                JointFrame { pose, ..by_z_axis(Line { point, direction, ..*line }, carrier.times(&pose)) }
+            }
         };
         frames.push(next);
     }
     frames
 }
 
-/// The first joint's frame, related to the vehicle's by the common normal of their z axes if there is one.
-fn first(line: Line, pose: Pose<f64>) -> JointFrame {
-    let axes = Matrix3::identity();
-    let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]), axes };
+/// A joint's frame, related to the carrier's, in whose coordinates line and pose are given, by the common normal of their z axes if
+/// there is one.
+fn by_z_axis(line: Line, pose: Pose<f64>) -> JointFrame {
+    let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]), ..line };
     let Some(normal) = common_normal(vertical, line) else { return by_pose(&pose, pose) };
     let [cos, sin, _] = normal.direction.0;
     // Without the rounding of a direction along x.

@@ -2,7 +2,7 @@
 
 use super::JOINTS;
 use crate::hydro::{CentralFrameTerms, Damping, FrameRotation, Restoring, Thruster};
-use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, numbers, sin_cos};
+use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, no_numbers, numbers, sin_cos};
 use crate::spatial::{LinkTwist, PointMass, SpatialInertia};
 use crate::terms::VehicleTerms;
 
@@ -21,8 +21,12 @@ numbers! {
         pub fixed: bool,
         /// The vehicle.
         pub vehicle: BodyTerms<B>,
-        /// Joints and their links, from the base outward.
+        /// Joints and their links, each after its carrier.
         pub joints: Vec<JointTerms<P, B>>,
+        /// True if a joint branches off an earlier body than the one before it.
+        pub tree: bool,
+        /// Body that carries payload and end effector: 0 for the vehicle, k + 1 for the link of joint k.
+        pub payload_body: usize,
         /// True if a joint is prescribed.
         pub prescribed: bool,
         /// True if all links are [`BodyTerms::is_z_aligned`].
@@ -59,6 +63,8 @@ numbers! {
     /// A joint and its link.
     #[derive(Debug, Clone, PartialEq)]
     pub struct JointTerms<P, B = P> {
+        /// Place in the tree.
+        pub branch: Branch,
         /// Constant transform from the parent frame.
         pub placement: JointPlacement<P>,
         /// theta (revolute, rad) or d (prismatic, m) at q = 0.
@@ -83,6 +89,17 @@ numbers! {
         pub actuator: Option<Actuator<P>>,
     }
 }
+
+/// Place of a joint in the tree. In a serial chain every joint starts at the body before it, and nothing branches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Branch {
+    /// Carrier of the joint where it is not the body before it: 0 for the vehicle, k + 1 for the link of joint k.
+    pub carrier: Option<u8>,
+    /// True if a later joint branches off this link, or the payload is on it and it is not the last.
+    pub forks: bool,
+}
+
+no_numbers!(Branch);
 
 numbers! {
     /// A linear actuator of a revolute joint, with the maximum torque `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`, N m.
@@ -204,6 +221,22 @@ impl<P, B> System<P, B> {
     }
 }
 
+impl<P, B> System<P, B> {
+    /// The body that carries payload and end effector.
+    #[inline(always)]
+    pub fn payload_body(&self) -> &BodyTerms<B> {
+        let joint = self.payload_body.checked_sub(1).and_then(|k| self.joints.get(k));
+        joint.map_or(&self.vehicle, |joint| &joint.body)
+    }
+
+    /// [`Self::payload_body`], mutable.
+    #[inline(always)]
+    pub fn payload_body_mut(&mut self) -> &mut BodyTerms<B> {
+        let joint = self.payload_body.checked_sub(1).and_then(|k| self.joints.get_mut(k));
+        joint.map_or(&mut self.vehicle, |joint| &mut joint.body)
+    }
+}
+
 impl<B> BodyTerms<B> {
     /// True if the body has a central frame whose z axis lies along its own, and no other damping.
     pub fn is_z_aligned(&self) -> bool {
@@ -213,6 +246,12 @@ impl<B> BodyTerms<B> {
 }
 
 impl<P, B> JointTerms<P, B> {
+    /// Body that carries this joint of this index: 0 for the vehicle, k + 1 for the link of joint k.
+    #[inline(always)]
+    pub fn carrier(&self, index: usize) -> usize {
+        self.branch.carrier.map_or(index, |carrier| carrier as usize)
+    }
+
     /// True for a prismatic joint.
     #[inline(always)]
     pub fn is_prismatic(&self) -> bool {

@@ -1,6 +1,7 @@
 //! The serial chain between two links of a tree.
 
-use super::file::{JointType, Result, Robot, UrdfJoint};
+use super::element::Result;
+use super::file::{JointType, Robot, UrdfJoint};
 
 /// Joints from a base link to a tip link, including fixed ones.
 pub struct Chain {
@@ -61,7 +62,12 @@ impl Robot {
     }
 
     fn root(&self) -> Result<usize> {
-        let roots: Vec<_> = (0..self.links.len()).filter(|i| self.above[*i].is_none()).collect();
+        // A link without mass and joints, such as the world above a floating vehicle, is no root.
+        let stands_alone = |i: usize| self.below[i].is_empty() && self.links[i].inertial.is_none();
+        let mut roots: Vec<_> = (0..self.links.len()).filter(|i| self.above[*i].is_none()).collect();
+        if roots.iter().any(|&i| !stands_alone(i)) {
+            roots.retain(|&i| !stands_alone(i));
+        }
         match roots[..] {
             [root] => Ok(root),
             _ => {

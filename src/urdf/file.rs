@@ -1,19 +1,16 @@
 //! Links and joints of a URDF file. `[URDF: wiki.ros.org/urdf/XML]`
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
+use super::element::{Element, Result, error, few_attributes};
+use super::links::{angles, compose};
 use crate::description::Frame;
 use crate::error::DescriptionError;
 use crate::estimate::{Axis, Ends, Round, Shape};
-
-/// Maximum magnitude of a number, as for scenes.
-const MAX_MAGNITUDE: f64 = 1e12;
-
-/// Maximum number of an element's attributes.
-const ATTRIBUTES: usize = 100;
 
 /// All links and joints of a file.
 pub struct Robot {
@@ -22,7 +19,9 @@ pub struct Robot {
     pub source: String,
     pub links: Vec<UrdfLink>,
     pub joints: Vec<UrdfJoint>,
-    /// Joint with each link as child, and joints with each link as parent.
+    /// What was read otherwise than the file says, one sentence each.
+    pub notes: Vec<String>,
+    /// Joint with each link as child, and joints with each link as parent; floating joints connect nothing.
     pub above: Vec<Option<usize>>,
     pub below: Vec<Vec<usize>>,
 }
@@ -41,8 +40,10 @@ pub struct UrdfLink {
 pub struct Inertial {
     pub mass: f64,
     pub frame: Frame,
-    /// About the centre of mass, in the axes of `frame`.
+    /// About the centre of mass, in the axes of `frame`; 0 for a point mass.
     pub inertia: Matrix3<f64>,
+    /// Error for a link that is part of the scene: line, element and problem.
+    pub problem: Option<(u32, String, String)>,
 }
 
 pub struct UrdfJoint {
@@ -70,105 +71,8 @@ pub enum JointType {
     Revolute,
     Continuous,
     Prismatic,
-}
-
-/// An XML element, with its path and file for errors.
-#[derive(Clone)]
-struct Element<'a> {
-    node: Node<'a, 'a>,
-    path: String,
-    source: &'a str,
-    /// Offsets of the lines' ends.
-    lines: &'a [usize],
-}
-
-pub type Result<T> = std::result::Result<T, DescriptionError>;
-
-/// An error in an element.
-fn error(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
-    let (source_name, element, problem) = (source.to_owned(), element.to_owned(), problem.into());
-    DescriptionError::Urdf { source_name, line, element, problem }
-}
-
-impl<'a> Element<'a> {
-    fn line(&self) -> u32 {
-        self.lines.partition_point(|end| *end < self.node.range().start) as u32 + 1
-    }
-
-    fn error(&self, problem: impl Into<String>) -> DescriptionError {
-        error(self.source, self.line(), &self.path, problem)
-    }
-
-    fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
-        Err(self.error(problem))
-    }
-
-    fn missing(&self, attribute: &str) -> DescriptionError {
-        self.error(format!("attribute {attribute} is missing"))
-    }
-
-    fn children(&self, tag: &'a str) -> impl Iterator<Item = Element<'a>> + use<'a> {
-        let (path, source, lines) = (self.path.clone(), self.source, self.lines);
-        let nodes = self.node.children().filter(move |node| node.has_tag_name(tag));
-        nodes.map(move |node| Element { node, path: format!("{path} <{tag}>"), source, lines })
-    }
-
-    /// The only child of this name, if there is one.
-    fn child(&self, tag: &'a str) -> Result<Option<Element<'a>>> {
-        let mut children = self.children(tag);
-        let first = children.next();
-        match children.next() {
-            Some(second) => second.fault("is given twice"),
-            None => Ok(first),
-        }
-    }
-
-    fn needed(&self, tag: &'a str) -> Result<Element<'a>> {
-        self.child(tag)?.ok_or_else(|| self.error(format!("<{tag}> is missing")))
-    }
-
-    fn text(&self, attribute: &str) -> Result<&'a str> {
-        self.node.attribute(attribute).ok_or_else(|| self.missing(attribute))
-    }
-
-    fn numbers<const N: usize>(&self, attribute: &str) -> Result<Option<[f64; N]>> {
-        let Some(text) = self.node.attribute(attribute) else { return Ok(None) };
-        let numbers: std::result::Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
-        let array = numbers.ok().and_then(|list| <[f64; N]>::try_from(list).ok());
-        let array = array.filter(|list| list.iter().all(|x| x.abs() <= MAX_MAGNITUDE));
-        let what = if N == 1 { "a finite number".to_owned() } else { format!("{N} finite numbers") };
-        array.map(Some).ok_or_else(|| self.error(format!("{attribute}=\"{text}\" is not {what}")))
-    }
-
-    fn number(&self, attribute: &str) -> Result<Option<f64>> {
-        Ok(self.numbers::<1>(attribute)?.map(|[x]| x))
-    }
-
-    fn needed_numbers<const N: usize>(&self, attribute: &str) -> Result<[f64; N]> {
-        self.numbers(attribute)?.ok_or_else(|| self.missing(attribute))
-    }
-
-    fn positive(&self, attribute: &str) -> Result<f64> {
-        let [x] = self.needed_numbers(attribute)?;
-        if x > 0.0 { Ok(x) } else { self.fault(format!("{attribute} is {x}, but must be > 0")) }
-    }
-
-    fn at_least_zero(&self, attribute: &str) -> Result<Option<f64>> {
-        match self.number(attribute)? {
-            Some(x) if x < 0.0 => self.fault(format!("{attribute} is {x}, but must be >= 0")),
-            x => Ok(x),
-        }
-    }
-
-    /// Pose of `<origin>`; the identity without it.
-    fn origin(&self) -> Result<Frame> {
-        let Some(origin) = self.child("origin")? else { return Ok(Frame::default()) };
-        if origin.node.has_attribute("quat_xyzw") {
-            return origin.fault("quat_xyzw is not supported: give rpy");
-        }
-        let vector = |name| Ok(Vector3::from(origin.numbers::<3>(name)?.unwrap_or_default()));
-        Ok(Frame { position: vector("xyz")?, rpy: vector("rpy")? })
-    }
+    /// Six degrees of freedom: the child is a vehicle.
+    Floating,
 }
 
 impl Robot {
@@ -186,7 +90,8 @@ impl Robot {
         })?;
         let root = document.root_element();
         let lines: Vec<usize> = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect();
-        let robot = Element { node: root, path: "<robot>".to_owned(), source, lines: &lines };
+        let notes = RefCell::default();
+        let robot = Element { node: root, path: "<robot>".to_owned(), source, lines: &lines, notes: &notes };
         if !root.has_tag_name("robot") {
             return robot.fault(format!("the outermost element is <{}>, but must be <robot>", root.tag_name().name()));
         }
@@ -216,28 +121,15 @@ impl Robot {
                 let before = &before.name;
                 return element.fault(format!("link \"{child}\" is the child of joint \"{before}\" already"));
             }
-            above[joint.child] = Some(joints.len());
-            below[joint.parent].push(joints.len());
+            if joint.kind != JointType::Floating {
+                above[joint.child] = Some(joints.len());
+                below[joint.parent].push(joints.len());
+            }
             joints.push(joint);
         }
         let name = root.attribute("name").unwrap_or_default().to_owned();
-        Ok(Self { name, source: source.to_owned(), links, joints, above, below })
+        Ok(Self { name, source: source.to_owned(), links, joints, notes: notes.into_inner(), above, below })
     }
-}
-
-/// Refuses elements with very many attributes, which the parser compares each with each.
-fn few_attributes(text: &str, source: &str) -> Result<()> {
-    let mut line = 1;
-    for tag in text.split('<') {
-        let count = tag.matches("=\"").count() + tag.matches("='").count();
-        if count > ATTRIBUTES {
-            let name = tag.split(|c: char| c.is_whitespace()).next().unwrap_or_default();
-            let problem = format!("has {count} attributes, but at most {ATTRIBUTES} are read");
-            return Err(error(source, line, &format!("<{name}>"), problem));
-        }
-        line += tag.matches('\n').count() as u32;
-    }
-    Ok(())
 }
 
 fn link(element: &Element) -> Result<UrdfLink> {
@@ -269,14 +161,13 @@ fn inertial(element: &Element) -> Result<Inertial> {
     let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let mut moments: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
     moments.sort_by(f64::total_cmp);
-    if kg > 0.0 && (moments[0] <= 0.0 || moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6)) {
+    let valid = moments[0] > 0.0 && moments[2] <= (moments[0] + moments[1]) * (1.0 + 1e-6);
+    let problem = (kg > 0.0 && !valid && matrix != Matrix3::zeros()).then(|| {
         let moments: Vec<_> = moments.iter().map(|x| format!("{x:.4e}")).collect();
-        return inertia.fault(format!(
-            "principal moments are {}, but must be > 0, the largest at most the sum of the others",
-            moments.join(", ")
-        ));
-    }
-    Ok(Inertial { mass: kg, frame: element.origin()?, inertia: matrix })
+        let rule = "but must be > 0, the largest at most the sum of the others";
+        (inertia.line(), inertia.path.clone(), format!("principal moments are {}, {rule}", moments.join(", ")))
+    });
+    Ok(Inertial { mass: kg, frame: element.origin()?, inertia: matrix, problem })
 }
 
 /// The shape of a `<collision>` or `<visual>`; None if it is a mesh.
@@ -309,13 +200,15 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
 fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint> {
     let name = element.text("name")?.to_owned();
     let element = &Element { path: format!("joint \"{name}\""), ..element.clone() };
-    let kind = match element.text("type")? {
+    let mut kind = match element.text("type")? {
         "fixed" => JointType::Fixed,
         "revolute" => JointType::Revolute,
         "continuous" => JointType::Continuous,
         "prismatic" => JointType::Prismatic,
+        "floating" => JointType::Floating,
         other => {
-            return element.fault(format!("type is \"{other}\", but must be revolute, continuous, prismatic or fixed"));
+            return element
+                .fault(format!("type is \"{other}\", but must be revolute, continuous, prismatic, fixed or floating"));
         }
     };
     let end = |tag| {
@@ -324,7 +217,7 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint>
         links.get(name).copied().ok_or_else(|| end.error(format!("unknown link \"{name}\"")))
     };
     let (parent, child) = (end("parent")?, end("child")?);
-    let axis = match element.child("axis")? {
+    let axis = match element.child("axis")?.filter(|_| !matches!(kind, JointType::Fixed | JointType::Floating)) {
         None => Vector3::x(),
         Some(axis) => {
             let vector = Vector3::from(axis.needed_numbers::<3>("xyz")?);
@@ -342,7 +235,7 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint>
         speed = limit.at_least_zero("velocity")?.filter(|x| *x > 0.0);
         let (lower, upper) = (limit.number("lower")?.unwrap_or(0.0), limit.number("upper")?.unwrap_or(0.0));
         if matches!(kind, JointType::Revolute | JointType::Prismatic) {
-            if lower >= upper {
+            if lower > upper {
                 return limit.fault(format!("lower is {lower}, but must be below upper, {upper}"));
             }
             limits = Some([lower, upper]);
@@ -354,7 +247,12 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint>
     let dynamics = |name| Ok(dynamics.as_ref().map(|d| d.at_least_zero(name)).transpose()?.flatten().unwrap_or(0.0));
     let mimic = element.child("mimic")?.is_some();
     let (damping, friction, armature) = (dynamics("damping")?, dynamics("friction")?, dynamics("armature")?);
-    let (frame, line) = (element.origin()?, element.line());
+    let (mut frame, line) = (element.origin()?, element.line());
+    if let Some([at, _]) = limits.filter(|[lower, upper]| lower == upper) {
+        element.note(&format!("its limits are equal, so it is locked at {at}"));
+        frame = displaced(&frame, kind, &axis, at);
+        kind = JointType::Fixed;
+    }
     Ok(UrdfJoint {
         name,
         kind,
@@ -371,4 +269,17 @@ fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<UrdfJoint>
         mimic,
         line,
     })
+}
+
+/// The child's frame at this joint coordinate.
+fn displaced(frame: &Frame, kind: JointType, axis: &Vector3<f64>, at: f64) -> Frame {
+    let axis = axis.normalize();
+    match kind {
+        JointType::Prismatic => compose(frame, &Frame { position: axis * at, rpy: Vector3::zeros() }),
+        _ if at == 0.0 => frame.clone(),
+        _ => {
+            let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), at);
+            compose(frame, &Frame { position: Vector3::zeros(), rpy: angles(turn.matrix()) })
+        }
+    }
 }

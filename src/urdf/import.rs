@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use toml::Value;
 
 use super::chain::Chain;
-use super::file::{JointType, Result, Robot, UrdfJoint};
+use super::element::Result;
+use super::file::{JointType, Robot, UrdfJoint};
 use super::links::Part;
 use crate::description::{
     Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene,
@@ -61,19 +62,20 @@ impl Import<'_> {
     pub fn from_text(&self, text: &str, source: &str) -> Result<Imported> {
         let robot = Robot::read(text, source)?;
         let chain = robot.chain(self.base, self.tip)?;
-        let mut notes = Vec::new();
+        let mut notes = robot.notes.clone();
         let mut scene = self.bare(&robot);
         let cited = format!("cited: {}", file_name(source));
         let say = |scene: &mut Scene, key: String, text: String| scene.provenance.0.insert(key, text);
         say(&mut scene, "arm".into(), cited);
         say(&mut scene, "arm.mount.frame".into(), "assumed: as chosen on import".into());
 
-        let (part, mut next, mut tip) = robot.part(&chain, chain.base);
+        let (part, mut next, mut tip) = robot.part(&chain, chain.base)?;
         let mut arm = Arm {
             name: if robot.name.is_empty() { "arm".to_owned() } else { robot.name.clone() },
             mount: Mount { frame: self.mount.clone(), joint: None },
             base: None,
             links: Vec::new(),
+            tip: None,
             end_effector: Frame::default(),
         };
         let mut formulas = Vec::new();
@@ -88,7 +90,7 @@ impl Import<'_> {
         while let Some((index, frame)) = next {
             let joint = &robot.joints[index];
             let part;
-            (part, next, tip) = robot.part(&chain, joint.child);
+            (part, next, tip) = robot.part(&chain, joint.child)?;
             notes.extend(part.notes.iter().cloned());
             let name = match robot.links[joint.child].name.as_str() {
                 name @ (VEHICLE | BASE) => format!("{name}-link"),
@@ -98,9 +100,13 @@ impl Import<'_> {
                 let problem = "has no mass (<inertial>), which a link on a moving joint needs";
                 return robot.fault(joint.line, &format!("link \"{name}\""), problem);
             }
+            if part.inertia.symmetric_eigenvalues().min() <= 0.0 {
+                let problem = "has no moments of inertia, which a link on a moving joint needs";
+                return robot.fault(joint.line, &format!("link \"{name}\""), problem);
+            }
             let (body, how) = body(&part, scene.water.density);
             formulas.push((format!("arm.links[{name}].body"), how));
-            arm.links.push(Link { name, joint: taken_over(joint, frame), body });
+            arm.links.push(Link { name, parent: None, joint: taken_over(joint, frame), body });
         }
         if arm.links.len() > MAX_LINKS {
             let problem =

@@ -3,12 +3,15 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::chain::Chain;
+use super::element::Result;
 use super::file::{Inertial, JointType, Robot, UrdfLink};
 use crate::description::Frame;
 use crate::estimate::Shape;
 
 /// Minimum semi-axis of the ellipsoid that represents a link without geometry, m.
 const THINNEST: f64 = 1e-3;
+/// Density of that ellipsoid below which the moments are no body's, kg/m3: frames with dummy moments.
+const LIGHTEST: f64 = 100.0;
 
 /// A moving part: inertial properties and shapes, in the frame of its joint.
 #[derive(Default)]
@@ -36,13 +39,14 @@ pub fn compose(outer: &Frame, inner: &Frame) -> Frame {
     Frame { position, rpy }
 }
 
-fn angles(rotation: &Matrix3<f64>) -> Vector3<f64> {
+/// Roll, pitch and yaw of a rotation.
+pub fn angles(rotation: &Matrix3<f64>) -> Vector3<f64> {
     let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(*rotation).euler_angles();
     Vector3::new(roll, pitch, yaw)
 }
 
-/// Homogeneous ellipsoid of the same mass and moments.
-fn ellipsoid(inertial: &Inertial) -> Shape {
+/// Homogeneous ellipsoid of the same mass and moments, and its density, kg/m3.
+fn ellipsoid(inertial: &Inertial) -> (Shape, f64) {
     let (moments, turn) = if inertial.inertia == Matrix3::from_diagonal(&inertial.inertia.diagonal()) {
         (inertial.inertia.diagonal(), Matrix3::identity())
     } else {
@@ -57,7 +61,8 @@ fn ellipsoid(inertial: &Inertial) -> Shape {
     let axes = Frame { position: Vector3::zeros(), rpy: angles(&turn) };
     let frame = compose(&inertial.frame, &axes);
     let semi_axes = square.map(|s| s.max(0.0).sqrt().max(THINNEST));
-    Shape { ellipsoid: Some(semi_axes), position: frame.position, rpy: frame.rpy, ..Shape::default() }
+    let density = inertial.mass / (4.0 / 3.0 * std::f64::consts::PI * semi_axes.product());
+    (Shape { ellipsoid: Some(semi_axes), position: frame.position, rpy: frame.rpy, ..Shape::default() }, density)
 }
 
 impl Part {
@@ -87,12 +92,17 @@ impl Part {
         }
         if let (Some(inertial), true) = (own, link.shapes.is_empty()) {
             let why = if link.mesh { "geometry is a mesh, which is not supported" } else { "no geometry" };
-            let name = &link.name;
-            self.notes
-                .push(format!("{name}: {why}: hydrodynamics of the homogeneous ellipsoid of its mass and moments"));
-            let shape = ellipsoid(inertial);
-            let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
-            self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape });
+            let (shape, density) = ellipsoid(inertial);
+            let what = if inertial.inertia == Matrix3::zeros() {
+                "no moments of inertia: a point mass, which displaces no water".to_owned()
+            } else if density < LIGHTEST {
+                format!("its moments belong to {density:.2e} kg/m3: no outline, it displaces no water")
+            } else {
+                let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
+                self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape });
+                format!("{why}: hydrodynamics of the homogeneous ellipsoid of its mass and moments")
+            };
+            self.notes.push(format!("{}: {what}", link.name));
         }
     }
 }
@@ -100,10 +110,18 @@ impl Part {
 impl Robot {
     /// The moving part of a link, up to the next moving joint of the chain, with index and frame of that joint, and the frame of the
     /// tip if it belongs to the part.
-    pub fn part(&self, chain: &Chain, link: usize) -> (Part, Option<(usize, Frame)>, Option<Frame>) {
+    ///
+    /// # Errors
+    /// Moments of inertia that no body has.
+    pub fn part(&self, chain: &Chain, link: usize) -> Result<(Part, Option<(usize, Frame)>, Option<Frame>)> {
         let (mut part, mut next, mut tip) = (Part::default(), None, None);
         let mut open = vec![(link, Frame::default())];
         while let Some((at, frame)) = open.pop() {
+            if let Some((line, element, problem)) =
+                self.links[at].inertial.as_ref().and_then(|own| own.problem.as_ref())
+            {
+                return self.fault(*line, element, problem);
+            }
             part.add(&self.links[at], &frame);
             if at == chain.tip {
                 tip = Some(frame.clone());
@@ -125,6 +143,6 @@ impl Robot {
                 open.push((joint.child, beyond));
             }
         }
-        (part, next, tip)
+        Ok((part, next, tip))
     }
 }

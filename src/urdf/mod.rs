@@ -6,6 +6,7 @@
 //! ([`crate::estimate`]), servos and end stops from the inertia that a joint carries.
 
 mod chain;
+mod element;
 mod file;
 mod import;
 mod links;

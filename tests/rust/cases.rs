@@ -24,10 +24,11 @@ pub fn scenes() -> impl Iterator<Item = (u64, Scene)> {
     })
 }
 
-/// One random scene on a free vehicle: an arm base, three links and a payload, without friction and end stops.
+/// One random scene on a free vehicle: an arm base, three links in a chain and a payload, without friction and end stops.
 pub fn scene(joint_loading: bool) -> Scene {
     let options = Options {
         links: Some(3),
+        branching: Some(false),
         fixed: Some(false),
         joint_loading: Some(joint_loading),
         payload: Some(true),

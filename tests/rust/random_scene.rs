@@ -16,6 +16,8 @@ pub struct Options {
     pub fixed: Option<bool>,
     /// Whether a joint q0 carries the arm base.
     pub joint_loading: Option<bool>,
+    /// Whether links branch off any earlier body.
+    pub branching: Option<bool>,
     /// Whether there is a payload.
     pub payload: Option<bool>,
     /// Whether the water moves.
@@ -206,6 +208,17 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         shape: None,
     };
     let has_base = random.coin() || q0;
+    let mut places = Random::new(seed ^ 0x7EEE);
+    let branching = options.branching.unwrap_or(places.coin());
+    // A body among vehicle, base and the first links.
+    let mut body = |count: usize| match places.bits() as usize % (count + 2) {
+        _ if !branching => None,
+        0 => Some("vehicle".to_owned()),
+        1 => Some("base".to_owned()),
+        k => Some(format!("link-{}", k - 2)),
+    };
+    let parents: Vec<_> = (0..links).map(&mut body).collect();
+    let tip = body(links);
     let arm = Arm {
         name: "random arm".into(),
         mount: Mount { frame: random.frame(0.4), joint: q0.then(|| random.joint(0.1, forces)) },
@@ -213,10 +226,12 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         links: (0..links)
             .map(|i| Link {
                 name: format!("link-{i}"),
+                parent: parents[i].clone(),
                 joint: random.joint(0.3, forces),
                 body: random.body(4.0, 0.4, dry),
             })
             .collect(),
+        tip,
         end_effector: random.frame(0.3),
     };
     let scene = Scene {

@@ -151,8 +151,7 @@ impl<T: Real> Step<'_, T> {
     /// A system with parameters per instance and these `parts` of its bodies: from the pool where instances differ.
     #[inline(never)]
     pub(super) fn system<L: Lane<Real = T>>(&self, parts: &[UnscaledBodyTerms<Shared<T>>]) -> Box<InstanceSystem<L>> {
-        let has_payload =
-            |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
+        let has_payload = |system: &System<L>| system.payload_body().payload.is_some();
         let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();
         let pooled = if self.scaled { self.system_pool.take().filter(|pooled: &Box<_>| fits(pooled)) } else { None };
         pooled.unwrap_or_else(|| {

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
-use uvms_gym::description::{Frame, JointKind, Scene};
+use uvms_gym::description::{Frame, Joint, JointKind, Parent, Scene};
 use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::hydro::FrameRotation;
 use uvms_gym::lane::Shared;
@@ -39,11 +39,10 @@ fn homogeneous(rotation: &[[f64; 3]; 3], position: &[f64; 3]) -> na::Matrix4<f64
 /// Link poses in the vehicle frame through the compiled joint frames.
 fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     let compiled = compile(scene);
-    let mut here = na::Matrix4::<f64>::identity();
-    let mut links = Vec::new();
+    let (mut frames, mut links) = (vec![na::Matrix4::<f64>::identity()], Vec::new());
     let length = |shift: Option<Shared<f64>>| shift.map_or(0.0, |Shared(x)| x);
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
-        here *= match joint.placement {
+        let placement = match joint.placement {
             JointPlacement::General(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
             JointPlacement::Dh(bend, a) => screw(na::Vector3::x(), angle(bend), length(a)),
             JointPlacement::DhWithOffset(turn, d, bend, a) => {
@@ -55,7 +54,8 @@ fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
             JointScrew::Revolute { d } => (coordinate, length(d)),
             JointScrew::Prismatic { sin: Shared(sin), cos: Shared(cos) } => (sin.atan2(cos), coordinate),
         };
-        here *= screw(na::Vector3::z(), theta, d);
+        let here = frames[joint.carrier(i)] * placement * screw(na::Vector3::z(), theta, d);
+        frames.push(here);
         let Pose { rotation: Matrix3(rotation), position: Vector3(position) } = link;
         links.push(here * homogeneous(rotation, position));
     }
@@ -69,17 +69,26 @@ fn direct(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
         Dense::from_parts(frame.position.into(), na::UnitQuaternion::from_euler_angles(x, y, z))
     };
     let arm = scene.arm.as_ref().unwrap();
-    let mut here = of(&arm.mount.frame);
-    let mut links = Vec::new();
-    for (i, joint) in scene.joints().enumerate() {
-        here *= of(&joint.frame);
-        here *= match joint.kind {
-            JointKind::Revolute => Dense::rotation(joint.axis * q[i]),
-            JointKind::Prismatic => Dense::translation(joint.axis.x * q[i], joint.axis.y * q[i], joint.axis.z * q[i]),
+    let moved = |joint: &Joint, q: f64| {
+        let along = joint.axis * q;
+        let motion = match joint.kind {
+            JointKind::Revolute => Dense::rotation(along),
+            JointKind::Prismatic => Dense::translation(along.x, along.y, along.z),
         };
-        links.push(here.to_homogeneous());
+        of(&joint.frame) * motion
+    };
+    let first = arm.mount.joint.iter().count();
+    let base = arm.mount.joint.iter().fold(of(&arm.mount.frame), |base, joint| base * moved(joint, q[0]));
+    let mut links = Vec::new();
+    for (i, link) in arm.links.iter().enumerate() {
+        let parent = match arm.parent(i).unwrap() {
+            Parent::Vehicle => Dense::identity(),
+            Parent::Base => base,
+            Parent::Link(k) => links[k],
+        };
+        links.push(parent * moved(&link.joint, q[first + i]));
     }
-    links
+    arm.mount.joint.iter().map(|_| base).chain(links).map(|pose| pose.to_homogeneous()).collect()
 }
 
 fn worst(scene: &Scene, seed: u64) -> f64 {
@@ -110,8 +119,13 @@ enum Lie {
 /// A random chain whose axes lie to each other as asked.
 fn chain(seed: u64, lies: &[Lie]) -> Scene {
     let mut random = Random::new(seed ^ 0xC4A1);
-    let options =
-        Options { links: Some(1 + lies.len()), joint_loading: Some(false), fixed: Some(false), ..Options::default() };
+    let options = Options {
+        links: Some(1 + lies.len()),
+        branching: Some(false),
+        joint_loading: Some(false),
+        fixed: Some(false),
+        ..Options::default()
+    };
     let mut scene = random_scene(seed, options);
     let arm = scene.arm.as_mut().unwrap();
     for (i, &lie) in lies.iter().enumerate() {
