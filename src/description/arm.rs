@@ -90,8 +90,15 @@ pub struct Link {
     pub parent: Option<String>,
     /// Joint between the parent and this link.
     pub joint: Joint,
-    /// Rigid body and hydrodynamics in the link frame.
-    pub body: Body,
+    /// Rigid body and hydrodynamics in the link frame. A link on a fixed joint may be a mere frame.
+    pub body: Option<Body>,
+}
+
+impl Link {
+    /// False if the link is fixed to its parent.
+    pub fn moves(&self) -> bool {
+        self.joint.kind != JointKind::Fixed
+    }
 }
 
 /// Kind of joint.
@@ -102,19 +109,21 @@ pub enum JointKind {
     Revolute,
     /// Translation along the axis; q in m, "torque" in N.
     Prismatic,
+    /// No motion: the link is part of its parent, and no entry of any joint array.
+    Fixed,
 }
 
-/// A one-degree-of-freedom joint. Positive torque acts along +q.
+/// A joint of one degree of freedom, or a fixed one. Positive torque acts along +q.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Revolute or prismatic.
+    /// Revolute, prismatic or fixed; a fixed joint has no other key than `frame`.
     pub kind: JointKind,
     /// Link frame in the parent frame at q = 0.
     #[serde(default)]
     pub frame: Frame,
-    /// Axis in the link frame; normalised on reading.
-    #[serde(with = "numbers::vector3")]
+    /// Axis in the link frame; normalised on reading. NaN where it is absent, then 0 where the joint is fixed.
+    #[serde(default = "no_axis", with = "numbers::vector3", skip_serializing_if = "is_no_axis")]
     pub axis: Vector3<f64>,
     /// Inertia of the actuator's rotor reflected to the joint, rotor inertia times gear ratio squared, kg m2 or kg. It resists
     /// only q''.
@@ -150,7 +159,38 @@ fn is_false(x: &bool) -> bool {
     !x
 }
 
+fn no_axis() -> Vector3<f64> {
+    Vector3::repeat(f64::NAN)
+}
+
+fn is_no_axis(axis: &Vector3<f64>) -> bool {
+    axis.x.is_nan() || *axis == Vector3::zeros()
+}
+
 impl Joint {
+    /// A fixed joint.
+    pub fn fixed(frame: Frame) -> Self {
+        Self {
+            kind: JointKind::Fixed,
+            frame,
+            axis: Vector3::zeros(),
+            rotor_inertia: 0.0,
+            prescribed: false,
+            friction: Friction::default(),
+            limits: None,
+            effort: None,
+            actuator: None,
+            speed: None,
+            servo: None,
+            home: 0.0,
+        }
+    }
+
+    /// True for a prismatic joint.
+    pub fn slides(&self) -> bool {
+        self.kind == JointKind::Prismatic
+    }
+
     /// Maximum torque of the actuator at joint coordinate `q`, N m or N; infinite if unlimited.
     pub fn effort_at(&self, q: f64) -> f64 {
         match &self.actuator {

@@ -95,7 +95,8 @@ impl NedTables {
             .for_each(|(_, thruster)| convert_thruster(thruster));
         if let Some(arm) = &mut scene.arm {
             arm.base.iter_mut().for_each(|base| body("arm.base", 0, base));
-            arm.links.iter_mut().enumerate().for_each(|(i, link)| body("arm.links", i, &mut link.body));
+            let bodies = arm.links.iter_mut().enumerate().filter_map(|(i, link)| Some((i, link.body.as_mut()?)));
+            bodies.for_each(|(i, of_link)| body("arm.links", i, of_link));
         }
         scene.payload.iter_mut().for_each(|payload| body("payload.body", 0, &mut payload.body));
     }

@@ -3,8 +3,8 @@
 use toml::Value;
 
 use super::{
-    Arm, Integration, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, ThrustMap, Thruster, check_body,
-    path,
+    Arm, Friction, Integration, Joint, JointKind, LinearActuator, MAX_JOINTS, MAX_LINKS, Scene, SceneWarning,
+    ThrustMap, Thruster, check_body, path,
 };
 use crate::error::{DescriptionError, Problem};
 use crate::keys::{Fault, check_axis, check_names, check_not_negative, normalise, range};
@@ -88,7 +88,33 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
     Ok(())
 }
 
+/// A fixed joint has a frame alone.
+fn fixed_joint(joint: &Joint, key: &str) -> Result<(), Fault> {
+    let given = [
+        ("axis", joint.axis.iter().any(|x| !x.is_nan() && *x != 0.0)),
+        ("rotor_inertia", joint.rotor_inertia != 0.0),
+        ("prescribed", joint.prescribed),
+        ("friction", joint.friction != Friction::default()),
+        ("limits", joint.limits.is_some()),
+        ("effort", joint.effort.is_some()),
+        ("actuator", joint.actuator.is_some()),
+        ("speed", joint.speed.is_some()),
+        ("servo", joint.servo.is_some()),
+        ("home", joint.home != 0.0),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((name, _)) => {
+            let reason = "is given, but a fixed joint has only kind and frame";
+            Err(Fault::new(format!("{key}.{name}"), Problem::Invalid { reason }))
+        }
+        None => Ok(()),
+    }
+}
+
 fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
+    if joint.axis.x.is_nan() {
+        return Err(Fault::new(format!("{key}.axis"), Problem::Missing));
+    }
     check_axis(&joint.axis, || format!("{key}.axis"))?;
     let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
     let friction = &joint.friction;
@@ -179,7 +205,22 @@ impl Scene {
         if arm.mount.joint.is_some() && arm.base.is_none() {
             return Err(Fault::new("arm.base", Problem::MasslessBase));
         }
+        if arm.mount.joint.as_ref().is_some_and(|joint| joint.kind == JointKind::Fixed) {
+            let reason = "must be revolute or prismatic: without mount.joint the base is fixed";
+            return Err(Fault::new("arm.mount.joint.kind", Problem::Invalid { reason }));
+        }
+        if self.joints().count() > MAX_JOINTS {
+            return Err(Fault::new(
+                "arm.links",
+                Problem::TooManyJoints { found: self.joints().count(), max: MAX_JOINTS },
+            ));
+        }
         for (i, link) in arm.links.iter().enumerate() {
+            if !link.moves() {
+                fixed_joint(&link.joint, &format!("arm.links[{i}].joint"))?;
+            } else if link.body.is_none() {
+                return Err(Fault::new(format!("arm.links[{i}].body"), Problem::Missing));
+            }
             if let (Some(parent), None) = (&link.parent, arm.parent(i)) {
                 return Err(no_body(arm, i, parent, format!("arm.links[{i}].parent")));
             }
@@ -195,6 +236,8 @@ impl Scene {
         self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
         self.vehicle.normalise_terms();
         self.joints_mut().for_each(|joint| normalise(&mut joint.axis));
+        let links = self.arm.iter_mut().flat_map(|arm| &mut arm.links);
+        links.filter(|link| !link.moves()).for_each(|link| link.joint.axis.fill(0.0));
         for body in self.bodies_mut() {
             body.inertia = (body.inertia + body.inertia.transpose()) / 2.0;
             body.added_mass = (body.added_mass + body.added_mass.transpose()) / 2.0;

@@ -4,8 +4,10 @@ use nalgebra::{Matrix3, Matrix6, Rotation3};
 
 use super::{Body, Frame, InertiaPoint, Joint, Scene, Water};
 
-/// Maximum number of links of an arm.
-pub const MAX_LINKS: usize = 8;
+/// Maximum number of moving joints of a scene.
+pub const MAX_JOINTS: usize = 16;
+/// Maximum number of links of an arm, those on fixed joints included.
+pub const MAX_LINKS: usize = 64;
 /// Name of the vehicle among the moving bodies.
 pub const VEHICLE: &str = "vehicle";
 /// Name of the joint-loaded arm base among the moving bodies, and of its joint q0.
@@ -53,13 +55,18 @@ impl Body {
 impl Scene {
     /// Joints in the order of every joint array: q0 of joint loading first.
     pub fn joints(&self) -> impl Iterator<Item = &Joint> {
-        self.arm.iter().flat_map(|arm| arm.mount.joint.iter().chain(arm.links.iter().map(|link| &link.joint)))
+        self.arm.iter().flat_map(|arm| {
+            arm.mount.joint.iter().chain(arm.links.iter().filter(|link| link.moves()).map(|link| &link.joint))
+        })
     }
 
     /// The joints, mutable, in the same order.
     pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
         let arm = self.arm.iter_mut();
-        arm.flat_map(|arm| arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)))
+        arm.flat_map(|arm| {
+            let links = arm.links.iter_mut().filter(|link| link.moves());
+            arm.mount.joint.iter_mut().chain(links.map(|link| &mut link.joint))
+        })
     }
 
     /// Names of the joints, equal to the names of the bodies that they carry: `base` for q0, else the link's.
@@ -68,13 +75,13 @@ impl Scene {
             .iter()
             .flat_map(|arm| {
                 let base = arm.mount.joint.iter().map(|_| BASE.to_owned());
-                base.chain(arm.links.iter().map(|link| link.name.clone()))
+                base.chain(arm.links.iter().filter(|link| link.moves()).map(|link| link.name.clone()))
             })
             .collect()
     }
 
-    /// Names of the moving bodies: `vehicle`, then one per joint. A fixed-loaded arm base is part of the vehicle, the payload of
-    /// the last body.
+    /// Names of the moving bodies: `vehicle`, then one per joint. A fixed-loaded arm base and links on fixed joints are parts of
+    /// the body that carries them, the payload of the body that carries the end effector.
     pub fn body_names(&self) -> Vec<String> {
         std::iter::once(VEHICLE.to_owned()).chain(self.joint_names()).collect()
     }
@@ -90,8 +97,8 @@ impl Scene {
     }
 
     /// Joint coordinates at the start of a run, rad or m; 0 past the last joint.
-    pub fn home(&self) -> [f64; MAX_LINKS + 1] {
-        let mut home = [0.0; MAX_LINKS + 1];
+    pub fn home(&self) -> [f64; MAX_JOINTS] {
+        let mut home = [0.0; MAX_JOINTS];
         home.iter_mut().zip(self.joints()).for_each(|(home, joint)| *home = joint.home);
         home
     }
@@ -99,7 +106,8 @@ impl Scene {
     /// Keys of the joints: `arm.mount.joint` if there is one, `arm.links[0].joint`, ...
     pub fn joint_keys(&self) -> Vec<String> {
         let mount = self.arm.iter().filter(|arm| arm.mount.joint.is_some()).map(|_| "arm.mount.joint".to_owned());
-        let links = self.arm.iter().flat_map(|arm| (0..arm.links.len()).map(|i| format!("arm.links[{i}].joint")));
+        let links = self.arm.iter().flat_map(|arm| arm.links.iter().enumerate().filter(|(_, link)| link.moves()));
+        let links = links.map(|(i, _)| format!("arm.links[{i}].joint"));
         mount.chain(links).collect()
     }
 
@@ -107,7 +115,7 @@ impl Scene {
     pub(super) fn bodies(&self) -> impl Iterator<Item = (String, &Body)> {
         let base = self.arm.iter().flat_map(|arm| &arm.base).map(|body| ("arm.base".to_owned(), body));
         let links = self.arm.iter().flat_map(|arm| arm.links.iter().enumerate());
-        let links = links.map(|(i, link)| (format!("arm.links[{i}].body"), &link.body));
+        let links = links.filter_map(|(i, link)| Some((format!("arm.links[{i}].body"), link.body.as_ref()?)));
         let payload = self.payload.iter().map(|payload| ("payload.body".to_owned(), &payload.body));
         std::iter::once(("vehicle.body".to_owned(), &self.vehicle.body)).chain(base).chain(links).chain(payload)
     }
@@ -115,7 +123,7 @@ impl Scene {
     /// All bodies of the scene.
     pub(super) fn bodies_mut(&mut self) -> impl Iterator<Item = &mut Body> {
         let arm = self.arm.iter_mut();
-        let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body)));
+        let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().flat_map(|link| &mut link.body)));
         let payload = self.payload.iter_mut().map(|payload| &mut payload.body);
         std::iter::once(&mut self.vehicle.body).chain(arm).chain(payload)
     }

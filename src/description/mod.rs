@@ -27,7 +27,7 @@ mod warnings;
 pub use actuator::LinearActuator;
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount, Parent};
 pub use body::{Body, Damping, Frame, InertiaPoint};
-pub use derived::{BASE, MAX_LINKS, VEHICLE};
+pub use derived::{BASE, MAX_JOINTS, MAX_LINKS, VEHICLE};
 pub use editor::SceneEditor;
 pub use integration::Integration;
 pub use provenance::{Origin, Provenance};

@@ -114,7 +114,7 @@ impl Scene {
     /// An arm that floats like a balloon: volumes of shapes in wrong units, or of dummy moments of inertia.
     fn lint_arm_volume(&self, warnings: &mut Vec<SceneWarning>) {
         let Some(arm) = &self.arm else { return };
-        let bodies = || arm.base.iter().chain(arm.links.iter().map(|link| &link.body));
+        let bodies = || arm.base.iter().chain(arm.links.iter().flat_map(|link| &link.body));
         let mass: f64 = bodies().map(|body| body.mass).sum();
         let water: f64 = bodies().map(|body| self.water.density * body.displaced_volume(&self.water)).sum();
         if mass > 0.0 && water > BUOYANT * mass {
@@ -134,7 +134,8 @@ impl Scene {
                 None if arm.tip() == this => &arm.end_effector,
                 None => continue,
             };
-            let (body, length) = (&link.body, next.position.norm());
+            let Some(body) = &link.body else { continue };
+            let length = next.position.norm();
             if length == 0.0 || body.mass == 0.0 {
                 continue;
             }

@@ -27,10 +27,9 @@ use std::hint::cold_path;
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
 use super::link::{
-    BranchSum, Drive, LinkScratch, add_branch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier,
-    take_branches, with_zeros,
+    Branches, Drive, LinkScratch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier, with_zeros,
 };
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, Routine};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
@@ -150,34 +149,57 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
+    if system.tree {
+        cold_path();
+        L::call(&mut OfTree { system, at, loads, scratch, twist_rate, qdd });
+    } else {
+        passes::<_, _, _, false>(system, at, loads, scratch, twist_rate, qdd);
+    }
+}
+
+/// [`accelerations`] of a tree, which the kernels of all methods share.
+struct OfTree<'a, 'b, L: Lane, P, B> {
+    system: &'a System<P, B>,
+    at: &'a Instant<'b, L>,
+    loads: &'a ArmLoads<L>,
+    scratch: &'a mut Scratch<L>,
+    twist_rate: &'a mut Vector6<L>,
+    qdd: &'a mut [L; JOINTS],
+}
+
+impl<L: Lane, P: Param<L>, B: Param<L>> Routine<L> for OfTree<'_, '_, L, P, B> {
+    #[inline(always)]
+    fn run(&mut self) {
+        passes::<_, _, _, true>(self.system, self.at, self.loads, self.scratch, self.twist_rate, self.qdd);
+    }
+}
+
+/// [`accelerations`], of a chain or of a `TREE`.
+#[inline(always)]
+fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
+    system: &System<P, B>,
+    at: &Instant<L>,
+    loads: &ArmLoads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
     let Instant { is_start, gravity, twist, q, qd, .. } = *at;
     let joints = system.chain();
-    let Scratch { links, sums } = scratch;
-    let links = &mut links[..joints.len()];
+    let links = &mut scratch.links[..joints.len()];
 
     joint_screws(joints, is_start, q, links);
     let (mut g, mut V) = (gravity, twist);
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
-    if system.z_aligned {
+    if system.z_aligned && !TREE {
         for i in 0..joints.len() {
-            if let Some(carrier) = joints[i].branch.carrier {
-                cold_path();
-                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
-            }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             if let Some(central) = &joint.body.central {
                 central.bias_z_aligned(V, g, &mut link.p);
             }
-            if joint.branch.forks {
-                cold_path();
-                (link.g, link.V) = (g, V);
-                if let (Some(payload), false) = (&joint.body.payload, B::SHARED) {
-                    payload.add_bias(V, g, &mut link.p);
-                }
-            }
         }
-        // A payload is on the last link, or on one that `forks`.
+        // In a chain only the last link can carry a payload.
         if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
             && let (Some(payload), false) = (&joint.body.payload, B::SHARED)
         {
@@ -185,14 +207,12 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     } else {
         for i in 0..joints.len() {
-            if let Some(carrier) = joints[i].branch.carrier {
-                cold_path();
+            if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
                 (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
-            if joint.branch.forks {
-                cold_path();
+            if TREE && joint.branch.forks {
                 (link.g, link.V) = (g, V);
             }
             body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
@@ -204,16 +224,15 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     }
 
-    if system.sparse {
-        inward::<_, _, _, true>(system, at, loads, links, sums, twist_rate);
+    if system.sparse && !TREE {
+        inward::<_, _, _, true, TREE>(system, at, loads, links, twist_rate);
     } else {
-        inward::<_, _, _, false>(system, at, loads, links, sums, twist_rate);
+        inward::<_, _, _, false, TREE>(system, at, loads, links, twist_rate);
     }
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
-        if let Some(carrier) = joints[i].branch.carrier {
-            cold_path();
+        if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
             (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
         }
         let (joint, link) = (&joints[i], &links[i]);
@@ -242,8 +261,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         qdd[i] = qdd_i;
         V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
-        if joint.branch.forks {
-            cold_path();
+        if TREE && joint.branch.forks {
             links[i].V = V_dot;
         }
     }
@@ -251,25 +269,24 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
 /// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
 #[inline(always)]
-fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const TREE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
     links: &mut [LinkScratch<L>],
-    sums: &mut [BranchSum<L>; JOINTS + 1],
     twist_rate: &mut Vector6<L>,
 ) {
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let joints = system.chain();
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
+    let mut branches = Branches::new();
     for i in (0..joints.len().min(links.len())).rev() {
         // Both are there for every i; `get` leaves no call that reports an index out of bounds.
         let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        if joint.branch.forks {
-            cold_path();
-            (I_children, p_children) = take_branches(sums, i + 1, &I_children, p_children);
+        if TREE && joint.branch.forks {
+            branches.take(i + 1, &mut I_children, &mut p_children);
         }
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + p_children;
@@ -311,15 +328,12 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
             };
             (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a))
         };
-        if let Some(carrier) = joint.branch.carrier {
-            cold_path();
-            add_branch(sums, carrier, &I_children, p_children);
-            (I_children, p_children) = (SpatialInertia::zero(), Vector6::zero());
+        if let (true, Some(carrier)) = (TREE, joint.branch.carrier) {
+            branches.add(carrier, &mut I_children, &mut p_children);
         }
     }
-    if system.tree {
-        cold_path();
-        (I_children, p_children) = take_branches(sums, 0, &I_children, p_children);
+    if TREE {
+        branches.take(0, &mut I_children, &mut p_children);
     }
 
     *twist_rate = if system.fixed {

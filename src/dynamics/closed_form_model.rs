@@ -14,8 +14,6 @@ use crate::system::{Flow, JOINTS, State};
 pub struct ClosedFormModel {
     /// Vehicle, arm and payload.
     pub system: Composite,
-    /// The arm with its payload as a separate free-base system, base frame first; none if links start at the vehicle. `[HC eq. 28]`
-    pub arm: Option<Composite>,
     /// T_TCM, (6, thrusters): wrench on the vehicle per thrust. `[HC eq. 25]`
     pub thruster_configuration: DMatrix<f64>,
     /// True if the vehicle is fixed in the world. `[HC eq. 27]`
@@ -34,65 +32,43 @@ impl ClosedFormModel {
     /// # Errors
     /// [`DynamicsError::Joints`] for a scene with more joints than a [`State`] holds.
     pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
-        let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
-        let payload =
-            scene.payload.as_ref().map(|payload| (DensePose::from_frame(&payload.frame), rigid(&payload.body)));
-        let vehicle = rigid(&scene.vehicle.body);
-        let (system, arm, end_effector) = match &scene.arm {
-            None => {
-                let system = match payload {
-                    None => vehicle,
-                    Some((frame, payload)) => vehicle.fixed_loading(0, frame, payload),
-                };
-                (system, None, (0, DensePose::identity()))
-            }
-            Some(description) => {
-                let end_effector = DensePose::from_frame(&description.end_effector);
-                let mount = DensePose::from_frame(&description.mount.frame);
-                let on_vehicle = |arm| match &description.mount.joint {
-                    None => vehicle.clone().fixed_loading(0, mount, arm),
-                    Some(joint) => vehicle.clone().joint_loading(0, mount, joint.clone(), arm),
-                };
-                // Without a body the base is a mere frame.
-                let base = DenseBody::new(description.base.as_ref().unwrap_or(&Body::default()), &scene.water);
-                // First the arm, then both on each other, unless links start at the vehicle.
-                let parents: Vec<_> = (0..description.links.len()).map(|i| description.parent(i)).collect();
-                let alone = !parents.iter().chain([&description.tip()]).any(|of| *of == Some(Parent::Vehicle));
-                let (mut system, base) = (Composite::rigid_body(base), usize::from(!alone));
-                if !alone {
-                    system = on_vehicle(system);
-                }
-                let body = |of| match of {
-                    Some(Parent::Link(k)) => base + 1 + k,
-                    Some(Parent::Base) => base,
-                    Some(Parent::Vehicle) | None => 0,
-                };
-                for (link, parent) in description.links.iter().zip(parents) {
-                    system = system.joint_loading(
-                        body(parent),
-                        DensePose::identity(),
-                        link.joint.clone(),
-                        rigid(&link.body),
-                    );
-                }
-                let tip = body(description.tip());
-                if let Some((frame, payload)) = payload {
-                    system = system.fixed_loading(tip, end_effector * frame, payload);
-                }
-                if alone {
-                    (on_vehicle(system.clone()), Some(system), (1 + tip, end_effector))
+        let rigid = |body: &Body| Composite::rigid_body(DenseBody::new(body, &scene.water));
+        let mut system = rigid(&scene.vehicle.body);
+        let mut end_effector = (0, DensePose::identity());
+        if let Some(arm) = &scene.arm {
+            let mount = DensePose::from_frame(&arm.mount.frame);
+            // Without a body the base is a mere frame.
+            let frame = Body::default();
+            let base = rigid(arm.base.as_ref().unwrap_or(&frame));
+            system = match &arm.mount.joint {
+                None => system.fixed_loading(0, mount, base),
+                Some(joint) => system.joint_loading(0, mount, joint.clone(), base),
+            };
+            let body = |of| match of {
+                Some(Parent::Link(k)) => 2 + k,
+                Some(Parent::Base) => 1,
+                Some(Parent::Vehicle) | None => 0,
+            };
+            for (i, link) in arm.links.iter().enumerate() {
+                let (at, own) = (body(arm.parent(i)), rigid(link.body.as_ref().unwrap_or(&frame)));
+                system = if link.moves() {
+                    system.joint_loading(at, DensePose::identity(), link.joint.clone(), own)
                 } else {
-                    (system, None, (tip, end_effector))
-                }
+                    system.fixed_loading(at, DensePose::from_frame(&link.joint.frame), own)
+                };
             }
-        };
+            end_effector = (body(arm.tip()), DensePose::from_frame(&arm.end_effector));
+        }
+        if let Some(payload) = &scene.payload {
+            let (at, frame) = end_effector;
+            system = system.fixed_loading(at, frame * DensePose::from_frame(&payload.frame), rigid(&payload.body));
+        }
         if system.joints() > JOINTS {
             return Err(DynamicsError::Joints { joints: system.joints(), max: JOINTS });
         }
         let thrusters = &scene.vehicle.thrusters;
         Ok(Self {
             system,
-            arm,
             thruster_configuration: DMatrix::from_fn(6, thrusters.len(), |i, k| thrusters[k].wrench()[i]),
             fixed: scene.vehicle.fixed,
             vehicle: scene.vehicle.clone(),

@@ -6,10 +6,8 @@
 
 #![allow(non_snake_case, reason = "twists carry their usual symbol")]
 
-use std::hint::cold_path;
-
 use super::aba::{Scratch, body_bias};
-use super::link::{add_branch, add_to_carrier, joint_screws, motion_at_carrier, take_branches};
+use super::link::{joint_screws, motion_at_carrier};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -37,33 +35,42 @@ impl<L: Lane> CompositeBody<L> {
         (q, qd): (&[L; JOINTS], &[L; JOINTS]),
         scratch: &mut Scratch<L>,
     ) -> Self {
+        if system.tree {
+            Self::sum::<_, _, true>(system, gravity, twist, (q, qd), scratch)
+        } else {
+            Self::sum::<_, _, false>(system, gravity, twist, (q, qd), scratch)
+        }
+    }
+
+    /// [`Self::of`], of a chain or of a `TREE`.
+    #[inline(always)]
+    fn sum<P: Param<L>, B: Param<L>, const TREE: bool>(
+        system: &System<P, B>,
+        gravity: Vector3<L>,
+        twist: Vector6<L>,
+        (q, qd): (&[L; JOINTS], &[L; JOINTS]),
+        scratch: &mut Scratch<L>,
+    ) -> Self {
         let joints = system.chain();
-        let Scratch { links, sums } = scratch;
-        let links = &mut links[..joints.len()];
+        let links = &mut scratch.links[..joints.len()];
         joint_screws(joints, true, q, links);
         let (mut g, mut V) = (gravity, twist);
         for i in 0..joints.len() {
-            if let Some(carrier) = joints[i].branch.carrier {
-                cold_path();
+            if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
                 (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             (link.g, link.V) = (g, V);
-            if joint.branch.forks {
-                cold_path();
-                link.p = Vector6::zero();
-            }
         }
         let none = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
-        let (mut composite, mut on_vehicle) = (none, Vector6::zero());
+        let mut composite = none;
+        // Of the branches on each body, vehicle first.
+        let mut branches = [none; JOINTS + 1];
         for i in (0..joints.len()).rev() {
             let (joint, link) = (&joints[i], &links[i]);
-            if joint.branch.forks {
-                cold_path();
-                (composite.inertia, composite.momentum) =
-                    take_branches(sums, i + 1, &composite.inertia, composite.momentum);
-                composite.force = composite.force + link.p;
+            if TREE {
+                composite = composite.plus(&branches[i + 1]);
             }
             composite.add(&joint.body, link.V, link.g);
             composite = Self {
@@ -71,20 +78,27 @@ impl<L: Lane> CompositeBody<L> {
                 momentum: link.wrench_to_parent(joint, composite.momentum),
                 force: link.wrench_to_parent(joint, composite.force),
             };
-            if let Some(carrier) = joint.branch.carrier {
-                cold_path();
-                add_branch(sums, carrier, &composite.inertia, composite.momentum);
-                add_to_carrier(carrier, composite.force, &mut on_vehicle, links);
+            if let (true, Some(carrier)) = (TREE, joint.branch.carrier) {
+                let sum = &mut branches[carrier as usize % (JOINTS + 1)];
+                *sum = sum.plus(&composite);
                 composite = none;
             }
         }
-        if system.tree {
-            cold_path();
-            (composite.inertia, composite.momentum) = take_branches(sums, 0, &composite.inertia, composite.momentum);
-            composite.force = composite.force + on_vehicle;
+        if TREE {
+            composite = composite.plus(&branches[0]);
         }
         composite.add(&system.vehicle, twist, gravity);
         composite
+    }
+
+    /// Sum of two composites in the same frame.
+    #[inline(always)]
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            inertia: self.inertia.plus(&other.inertia),
+            momentum: self.momentum + other.momentum,
+            force: self.force + other.force,
+        }
     }
 
     /// Adds a body in the same frame.

@@ -46,21 +46,10 @@ pub(crate) enum Drive<L> {
     Acceleration(L),
 }
 
-/// Sum of what branches add to the body that carries them; 0 between passes.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct BranchSum<L> {
-    /// Articulated inertia.
-    pub inertia: SpatialInertia<L>,
-    /// Bias wrench.
-    pub p: Vector6<L>,
-}
-
 /// Working memory of the passes.
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
-    /// Sums of branches: entry 0 of the vehicle, k + 1 of the link of joint k. Chains do not touch them.
-    pub(crate) sums: [BranchSum<L>; JOINTS + 1],
 }
 
 /// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
@@ -100,31 +89,35 @@ pub(super) fn add_to_carrier<L: Lane>(
     *p = *p + wrench;
 }
 
-/// Adds inertia and bias wrench of a branch to the sum of its carrier.
-#[inline(always)]
-pub(super) fn add_branch<L: Lane>(
-    sums: &mut [BranchSum<L>; JOINTS + 1],
-    carrier: u8,
-    inertia: &SpatialInertia<L>,
-    p: Vector6<L>,
-) {
-    if let Some(sum) = sums.get_mut(carrier as usize) {
-        *sum = BranchSum { inertia: sum.inertia.plus(inertia), p: sum.p + p };
-    }
-}
+/// Sums of what branches add to the bodies that carry them: entry 0 of the vehicle, k + 1 of the link of joint k.
+#[derive(Debug, Clone)]
+pub(super) struct Branches<L>([(SpatialInertia<L>, Vector6<L>); JOINTS + 1]);
 
-/// Takes the sum of the branches on a body, and leaves 0.
-#[inline(always)]
-pub(super) fn take_branches<L: Lane>(
-    sums: &mut [BranchSum<L>; JOINTS + 1],
-    body: usize,
-    inertia: &SpatialInertia<L>,
-    p: Vector6<L>,
-) -> (SpatialInertia<L>, Vector6<L>) {
-    let Some(sum) = sums.get_mut(body) else { return (*inertia, p) };
-    let all = (inertia.plus(&sum.inertia), p + sum.p);
-    *sum = BranchSum { inertia: SpatialInertia::zero(), p: Vector6::zero() };
-    all
+impl<L: Lane> Branches<L> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self([(SpatialInertia::zero(), Vector6::zero()); JOINTS + 1])
+    }
+
+    /// Moves inertia and bias wrench of a branch to the sum of its carrier, and leaves 0.
+    #[inline(always)]
+    pub fn add(&mut self, carrier: u8, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
+        if let Some((sum, wrench)) = self.0.get_mut(carrier as usize) {
+            sum.add(inertia);
+            *wrench = *wrench + *p;
+        }
+        (*inertia, *p) = (SpatialInertia::zero(), Vector6::zero());
+    }
+
+    /// Adds the sum of the branches on a body.
+    #[inline(always)]
+    pub fn take(&self, body: usize, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
+        if let Some((sum, wrench)) = self.0.get(body) {
+            inertia.add(sum);
+            *p = *p + *wrench;
+        }
+    }
 }
 
 impl<L: Lane> Scratch<L> {
@@ -143,8 +136,7 @@ impl<L: Lane> Scratch<L> {
             p: none,
             u_over_D: zero,
         };
-        let sum = BranchSum { inertia: SpatialInertia::zero(), p: none };
-        Self { links: [link; JOINTS], sums: [sum; JOINTS + 1] }
+        Self { links: [link; JOINTS] }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.

@@ -92,6 +92,9 @@ pub enum Problem {
     /// Too many list elements.
     #[error("{found} elements, but at most {max} are allowed")]
     TooMany { found: usize, max: usize },
+    /// Too many moving joints.
+    #[error("{found} moving joints, but at most {max} are allowed: fix some (kind = \"fixed\")")]
+    TooManyJoints { found: usize, max: usize },
     /// Name that is empty, reserved or taken.
     #[error("the name '{name}' is {reason}")]
     Name { name: String, reason: &'static str },

@@ -6,7 +6,7 @@ use super::Vector;
 use super::hull::single;
 use super::mesh::{Mesh, Vertex, across};
 use super::paint::Paint;
-use crate::description::{Body, JointKind, Parent, Scene, Water};
+use crate::description::{Body, Joint, JointKind, Parent, Scene, Water};
 use crate::system::{EndEffector, JOINTS, Joints};
 
 const LINK: Paint = Paint::new(0xD9DCDD).glossy(0.3);
@@ -22,129 +22,140 @@ const PAYLOAD_DENSITY: f64 = 2500.0;
 /// Drawing of the arm.
 #[derive(Debug)]
 pub struct ArmModel {
-    /// Position of the mount in the vehicle frame, m.
-    mount: Vector,
-    /// Link frames.
-    links: Vec<EndEffector>,
-    /// Axis of each joint in its link's frame, and true if it is prismatic.
-    axes: Vec<(Vector3<f64>, bool)>,
+    /// The arm's base, then the links.
+    links: Vec<DrawnLink>,
     tip: EndEffector,
-    /// Link that carries the end effector.
+    /// Entry that carries the end effector.
     tip_link: Option<usize>,
-    /// Links on the arm's base.
-    on_base: Vec<usize>,
-    /// Links on each link.
-    on_link: Vec<Vec<usize>>,
-    /// End of each link in its frame, m, by its centre of mass; drawn where the link carries nothing.
-    ends: Vec<Vector3<f64>>,
-    /// Radius of each link.
-    radii: Vec<f32>,
+    /// Number of moving bodies, the vehicle included.
+    bodies: usize,
     /// Mass of the scene's payload, kg.
     payload: f64,
+}
+
+/// The arm's base or a link.
+#[derive(Debug)]
+struct DrawnLink {
+    frame: EndEffector,
+    /// Axis in the link's frame, and true if the joint is prismatic; none where it is fixed to its parent.
+    axis: Option<(Vector3<f64>, bool)>,
+    /// Entries that it carries.
+    carries: Vec<usize>,
+    /// End in its frame, m, by its centre of mass; drawn where it carries nothing.
+    end: Option<Vector3<f64>>,
+    radius: f32,
+}
+
+impl DrawnLink {
+    fn new(frame: EndEffector, joint: Option<&Joint>, body: Option<&Body>) -> Self {
+        let axis = joint.filter(|joint| joint.kind != JointKind::Fixed);
+        let axis = axis.map(|joint| (joint.axis, joint.slides()));
+        let end = body.map(|body| body.center_of_mass * 2.0);
+        Self { frame, axis, carries: Vec::new(), end, radius: 0.03 }
+    }
 }
 
 impl ArmModel {
     /// The arm of a scene, if it has one.
     pub fn new(scene: &Scene) -> Option<Self> {
         let arm = scene.arm.as_ref()?;
-        let (links, tip) = (EndEffector::links(scene), EndEffector::new(scene));
-        let joints: Vec<_> = scene.joints().collect();
-        let axes = joints.iter().map(|joint| (joint.axis, joint.kind == JointKind::Prismatic)).collect();
-        let bodies = arm.base.iter().filter(|_| arm.mount.joint.is_some());
-        let bodies: Vec<_> = bodies.chain(arm.links.iter().map(|link| &link.body)).collect();
-        let first = bodies.len() - arm.links.len();
-        let (mut on_base, mut on_link) = (Vec::from_iter(0..first), vec![Vec::new(); bodies.len()]);
-        for i in 0..arm.links.len() {
-            match arm.parent(i) {
-                Some(Parent::Link(k)) => on_link[first + k].push(first + i),
-                Some(Parent::Base) if first > 0 => on_link[0].push(first + i),
-                Some(Parent::Base) => on_base.push(i),
-                Some(Parent::Vehicle) | None => {}
-            }
-        }
-        let tip_link = match arm.tip() {
-            Some(Parent::Link(k)) => Some(first + k),
-            Some(Parent::Base) => first.checked_sub(1),
+        let bodies: Vec<_> =
+            std::iter::once(arm.base.as_ref()).chain(arm.links.iter().map(|l| l.body.as_ref())).collect();
+        let joints = std::iter::once(arm.mount.joint.as_ref()).chain(arm.links.iter().map(|link| Some(&link.joint)));
+        let links = EndEffector::links(scene).into_iter().zip(joints).zip(&bodies);
+        let mut links: Vec<_> = links.map(|((frame, joint), body)| DrawnLink::new(frame, joint, *body)).collect();
+        let entry = |of| match of {
+            Some(Parent::Link(k)) => Some(1 + k),
+            Some(Parent::Base) => Some(0),
             Some(Parent::Vehicle) | None => None,
         };
-        let ends = bodies.iter().map(|body| body.center_of_mass * 2.0).collect();
-        let mount = single(&arm.mount.frame.position);
+        for i in 0..arm.links.len() {
+            if let Some(parent) = entry(arm.parent(i)) {
+                links[parent].carries.push(1 + i);
+            }
+        }
         let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
-        let radii = Vec::new();
-        let mut this = Self { mount, links, axes, tip, tip_link, on_base, on_link, ends, radii, payload };
+        let (tip, tip_link, count) = (EndEffector::new(scene), entry(arm.tip()), 1 + scene.joints().count());
+        let mut this = Self { links, tip, tip_link, bodies: count, payload };
         // Lengths of links depend on prismatic joints only.
         let (points, end) = this.points(&scene.home());
-        let longest = |(i, from): (usize, &Vector)| {
+        let moves = |i: &usize| this.links[*i].axis.is_some();
+        let longest = |i: usize| {
             let tip = (tip_link == Some(i)).then_some(end.1);
             let ends = this.ends(i, &points, &scene.home()).into_iter().chain(tip);
-            ends.map(|end| (end - from).norm()).fold(0.0, f32::max)
+            ends.map(|end| (end - points[i]).norm()).fold(0.0, f32::max)
         };
-        let lengths: Vec<f32> = points.iter().enumerate().map(longest).collect();
-        let total = lengths.iter().sum::<f32>() + (end.1 - this.mount).norm() * 1e-3;
-        let radius = |(body, length): (&&Body, &f32)| radius(body, &scene.water, *length, total);
-        this.radii = bodies.iter().zip(&lengths).map(radius).collect();
+        let lengths: Vec<_> = (0..points.len()).filter(moves).map(|i| (i, longest(i))).collect();
+        let total = lengths.iter().map(|(_, length)| length).sum::<f32>() + (end.1 - points[0]).norm() * 1e-3;
+        for (i, length) in &lengths {
+            let Some(body) = bodies[*i] else { continue };
+            this.links[*i].radius = radius(body, &scene.water, *length, total);
+        }
+        // Parts of a moving link are as thick as it, parts of the vehicle as the first moving link.
+        for i in 0..points.len() {
+            let body = this.links[i].frame.body();
+            let alike = |k: &&(usize, f32)| body == 0 || this.links[k.0].frame.body() == body;
+            if let (None, Some((k, _))) = (this.links[i].axis, lengths.iter().find(alike)) {
+                this.links[i].radius = this.links[*k].radius;
+            }
+        }
         Some(this)
     }
 
     /// Origins of the links, and the end effector, in the vehicle frame.
     fn points(&self, q: &Joints) -> (Vec<Vector>, (Matrix3<f64>, Vector)) {
         let (rotation, tip) = self.tip.pose(q);
-        (self.links.iter().map(|link| single(&link.pose(q).1)).collect(), (rotation, single(&tip)))
+        (self.links.iter().map(|link| single(&link.frame.pose(q).1)).collect(), (rotation, single(&tip)))
     }
 
     /// Ends of link `i` in the vehicle frame: the links on it, else its own end unless it carries the end effector.
     fn ends(&self, i: usize, points: &[Vector], q: &Joints) -> Vec<Vector> {
-        if self.on_link[i].is_empty() && self.tip_link != Some(i) {
-            let (rotation, position) = self.links[i].pose(q);
-            return vec![single(&(rotation * self.ends[i] + position))];
+        let link = &self.links[i];
+        if link.carries.is_empty() && self.tip_link != Some(i) {
+            let (rotation, position) = link.frame.pose(q);
+            return link.end.iter().map(|end| single(&(rotation * end + position))).collect();
         }
-        self.on_link[i].iter().map(|&k| points[k]).collect()
+        link.carries.iter().map(|&k| points[k]).collect()
     }
 
-    /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's: the foot at the mount, then the links. Returns
-    /// the number of the first vertex of each link.
+    /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's: what is fixed to the vehicle, then each moving
+    /// link with what is fixed to it. Returns the number of the first vertex of each moving link.
     pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) -> Vec<usize> {
         let mut joints = [0.0; JOINTS];
         joints.iter_mut().zip(q).for_each(|(joint, q)| *joint = *q);
         let (points, (attitude, tip)) = self.points(&joints);
-        let thick = self.radii.first().copied().unwrap_or(0.03);
-        // A foot at the mount.
-        let tip_on_base = (points.is_empty()).then_some(tip);
-        for base in self.on_base.iter().map(|&k| points[k]).chain(tip_on_base) {
-            mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
-        }
-        let mut starts = Vec::with_capacity(points.len());
-        for (i, from) in points.iter().enumerate() {
+        let mut starts = Vec::with_capacity(self.bodies);
+        for body in 0..self.bodies {
             starts.push(mesh.vertices.len());
-            let r = self.radii[i];
-            let (rotation, _) = self.links[i].pose(&joints);
-            let (axis, slides) = self.axes[i];
-            let axis = single(&(rotation * axis));
-            if slides {
-                mesh.beam(from - axis * (2.0 * r), from + axis * (2.0 * r), 1.15 * r, JOINT);
-            } else {
-                mesh.cylinder(from - axis * (1.35 * r), from + axis * (1.35 * r), 1.18 * r, 18, JOINT);
-                for side in [-1.0, 1.0] {
-                    let at = from + axis * (side * 1.35 * r);
-                    mesh.cylinder(at - axis * (0.08 * r), at + axis * (0.08 * r), 0.8 * r, 14, RING);
+            for (i, link) in self.links.iter().enumerate().filter(|(_, link)| link.frame.body() == body) {
+                let (from, r) = (points[i], link.radius);
+                if let Some((axis, slides)) = link.axis {
+                    let axis = single(&(link.frame.pose(&joints).0 * axis));
+                    joint_housing(mesh, from, axis, r, slides);
+                }
+                let mut ends = self.ends(i, &points, &joints);
+                if body == 0 {
+                    // A foot at the mount.
+                    ends.extend((self.tip_link == Some(i)).then_some(tip));
+                    ends.iter().for_each(|to| mesh.capsule(from, *to, 1.05 * r, 16, JOINT));
+                    continue;
+                }
+                ends.iter().for_each(|to| mesh.capsule(from, *to, 0.86 * r, 16, LINK));
+                if self.tip_link == Some(i) {
+                    gripper(mesh, from, tip, &attitude, r);
                 }
             }
-            for to in self.ends(i, &points, &joints) {
-                mesh.capsule(*from, to, 0.86 * r, 16, LINK);
-            }
-            if self.tip_link == Some(i) {
-                gripper(mesh, *from, tip, &attitude, r);
-            }
         }
-        let r = 0.3 * self.tip_link.map_or(thick, |k| self.radii[k]);
+        let r = 0.3 * self.tip_link.or((!self.links.is_empty()).then_some(0)).map_or(0.03, |k| self.links[k].radius);
         mesh.ellipsoid(tip, Vector::repeat(r), 12, |_| TIP);
         let load = self.payload + payload;
         if load > 0.0 && load.is_finite() {
             let radius = (load / PAYLOAD_DENSITY * 0.75 / std::f64::consts::PI).cbrt() as f32;
-            let from = self.tip_link.map(|k| points[k]);
+            let from = self.tip_link.filter(|k| self.links[*k].frame.body() > 0).map(|k| points[k]);
             let ahead = from.map_or(-Vector::z(), |from| (tip - from).try_normalize(1e-6).unwrap_or(-Vector::z()));
             mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| PAYLOAD);
         }
+        starts.remove(0);
         starts
     }
 
@@ -155,7 +166,8 @@ impl ArmModel {
         bounds.extend(self.draw(&mut arm, q, 0.0));
         bounds.push(arm.vertices.len());
         let vehicle = (Matrix3::identity(), Vector3::zeros());
-        let frames = std::iter::once(vehicle).chain(self.links.iter().map(|link| link.pose(q)));
+        let moving = self.links.iter().filter(|link| link.axis.is_some());
+        let frames = std::iter::once(vehicle).chain(moving.map(|link| link.frame.pose(q)));
         frames
             .zip(bounds.windows(2))
             .map(|((rotation, position), range)| {
@@ -170,6 +182,19 @@ impl ArmModel {
                 }
             })
             .collect()
+    }
+}
+
+/// The motor of a joint, with a ring on either side, or the beam of a slide.
+fn joint_housing(mesh: &mut Mesh, at: Vector, axis: Vector, r: f32, slides: bool) {
+    if slides {
+        mesh.beam(at - axis * (2.0 * r), at + axis * (2.0 * r), 1.15 * r, JOINT);
+        return;
+    }
+    mesh.cylinder(at - axis * (1.35 * r), at + axis * (1.35 * r), 1.18 * r, 18, JOINT);
+    for side in [-1.0, 1.0] {
+        let ring = at + axis * (side * 1.35 * r);
+        mesh.cylinder(ring - axis * (0.08 * r), ring + axis * (0.08 * r), 0.8 * r, 14, RING);
     }
 }
 

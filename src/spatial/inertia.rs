@@ -244,7 +244,15 @@ impl<L: Lane> SpatialInertia<L> {
     /// Sum of two inertias in the same frame.
     #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {
-        let Self { mut m, mut h, mut j } = *self;
+        let mut sum = *self;
+        sum.add(b);
+        sum
+    }
+
+    /// Adds `b`.
+    #[inline(always)]
+    pub fn add(&mut self, b: &Self) {
+        let Self { m, h, j } = self;
         unroll!(i in 0 1 2 3 4 5 => {
             m[i] += b.m[i];
             j[i] += b.j[i];
@@ -254,7 +262,6 @@ impl<L: Lane> SpatialInertia<L> {
             h[i][1] += b.h[i][1];
             h[i][2] += b.h[i][2];
         });
-        Self { m, h, j }
     }
 
     /// `A - U U^T / D`: articulated inertia with a free direction, whose column of A is U. `[RF08 sec. 7.2]`

@@ -2,10 +2,10 @@
 
 use super::bodies::{Part, merged};
 use super::factors::UnscaledBodyTerms;
-use super::joint_frames::{Line, inverse, joint_frames, nonzero, pose, tidy, vector};
+use super::joint_frames::{Line, inverse, joint_frames, nonzero, placed, pose, tidy, vector};
 use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
-use crate::description::{Joint, JointKind, LinearActuator, Parent, Scene, Vehicle};
+use crate::description::{Joint, LinearActuator, Parent, Scene, Vehicle};
 use crate::lane::Shared;
 use crate::lie::Pose;
 
@@ -16,6 +16,11 @@ pub struct Compiled {
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
+    /// Frames of the arm's base and of all links, each in the joint frame of its moving body or in the vehicle frame, with the
+    /// number of that body, 0 for the vehicle.
+    pub frames: Vec<(usize, Pose<f64>)>,
+    /// The end effector in the joint frame of its moving body, or in the vehicle frame.
+    pub tip: Pose<f64>,
     /// Attachment of payloads: the end effector's origin in the frame of its moving body, m.
     pub payload_attachment: [f64; 3],
     /// Parts of the terms of each moving body, vehicle first.
@@ -31,39 +36,55 @@ pub fn compile(scene: &Scene) -> Compiled {
     // Of the moving links: poses of their frames at q = 0, in the vehicle frame, and the joints that carry them, if any.
     let mut zero_poses: Vec<Pose<f64>> = Vec::new();
     let mut carriers: Vec<Option<usize>> = Vec::new();
-    // Frame and carrier of the end effector.
-    let (mut tip, mut tip_carrier) = (Pose::identity(), None);
+    // Of the arm's base and the links.
+    let mut places: Vec<Place> = Vec::new();
+    let (mut tip, mut exact_tip) = (Place::default(), Pose::identity());
 
     if let Some(arm) = &scene.arm {
-        let mut base = pose(&arm.mount.frame);
-        let first = usize::from(arm.mount.joint.is_some());
-        if let Some(joint) = &arm.mount.joint {
-            base = base.times(&pose(&joint.frame));
-            zero_poses.push(base);
-            carriers.push(None);
-            let part = arm.base.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
-            moving.push((joint, part));
-        } else {
-            vehicle.extend(arm.base.iter().map(|body| Part::of(body, base, water)));
-        }
-        // Frame of a body in the vehicle frame at q = 0, and its joint.
-        let body = |of: Option<Parent>, links: &[Pose<f64>]| match of {
-            Some(Parent::Link(k)) => (links[first + k], Some(first + k)),
-            Some(Parent::Vehicle) => (Pose::identity(), None),
-            Some(Parent::Base) | None => (base, first.checked_sub(1)),
+        let mount = pose(&arm.mount.frame);
+        let base = match &arm.mount.joint {
+            Some(joint) => {
+                zero_poses.push(mount.times(&pose(&joint.frame)));
+                carriers.push(None);
+                let part = arm.base.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
+                moving.push((joint, part));
+                Place { joint: Some(0), frame: None }
+            }
+            None => {
+                vehicle.extend(arm.base.iter().map(|body| Part::of(body, mount, water)));
+                Place { joint: None, frame: Some(mount) }
+            }
+        };
+        places.push(base);
+        let place = |of: Option<Parent>, places: &[Place]| match of {
+            Some(Parent::Link(k)) => places[1 + k],
+            Some(Parent::Vehicle) => Place::default(),
+            Some(Parent::Base) | None => base,
         };
         for (i, link) in arm.links.iter().enumerate() {
-            let (parent, carrier) = body(arm.parent(i), &zero_poses);
-            zero_poses.push(parent.times(&pose(&link.joint.frame)));
-            carriers.push(carrier);
-            moving.push((&link.joint, vec![Part::of(&link.body, Pose::identity(), water)]));
+            let parent = place(arm.parent(i), &places);
+            let frame = pose(&link.joint.frame);
+            if link.moves() {
+                zero_poses.push(match parent.joint {
+                    Some(k) => zero_poses[k].times(&parent.of(frame)),
+                    None => parent.of(frame),
+                });
+                carriers.push(parent.joint);
+                places.push(Place { joint: Some(moving.len()), frame: None });
+                let part = link.body.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
+                moving.push((&link.joint, part));
+            } else {
+                let at = parent.of(frame);
+                places.push(Place { joint: parent.joint, frame: Some(at) });
+                let parts = parent.joint.map_or(&mut vehicle, |k| &mut moving[k].1);
+                parts.extend(link.body.iter().map(|body| Part::of(body, at, water)));
+            }
         }
-        let (frame, carrier) = body(arm.tip(), &zero_poses);
-        (tip, tip_carrier) = (pose(&arm.end_effector), carrier);
-        if carrier.is_none() {
-            tip = frame.times(&tip);
-        }
+        tip = place(arm.tip(), &places);
+        exact_tip = tip.of(placed(&arm.end_effector));
+        tip.frame = Some(tip.of(pose(&arm.end_effector)));
     }
+    let (tip, tip_carrier) = (tip.frame.unwrap_or_else(Pose::identity), tip.joint);
     if let Some(payload) = &scene.payload {
         let parts = tip_carrier.map_or(&mut vehicle, |k| &mut moving[k].1);
         parts.push(Part::of(&payload.body, tip.times(&pose(&payload.frame)), water));
@@ -92,7 +113,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         .zip(&links)
         .enumerate()
         .map(|(i, (((joint, parts), frame), link))| {
-            let prismatic = joint.kind == JointKind::Prismatic;
+            let prismatic = joint.slides();
             let (body, of_body) = merged(parts, link);
             unscaled.push(of_body.map(Shared));
             let before = carriers[i] == i.checked_sub(1);
@@ -138,7 +159,30 @@ pub fn compile(scene: &Scene) -> Compiled {
         terms: scene.vehicle.terms(water),
     };
     let payload_attachment = tidy(&tip_carrier.map_or(tip, |k| links[k].times(&tip))).position.0;
-    Compiled { system: system.map(Shared), links, payload_attachment, unscaled }
+    let tip = tip_carrier.map_or(exact_tip, |k| links[k].times(&exact_tip));
+    let in_joint = |place: &Place| match (place.joint, place.frame) {
+        (Some(k), None) => (k + 1, links[k]),
+        (Some(k), Some(frame)) => (k + 1, links[k].times(&frame)),
+        (None, frame) => (0, frame.unwrap_or_else(Pose::identity)),
+    };
+    let frames = places.iter().map(in_joint).collect();
+    Compiled { system: system.map(Shared), links, frames, tip, payload_attachment, unscaled }
+}
+
+/// Place of a body in the tree of moving bodies.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// Joint that moves it; none where it is part of the vehicle.
+    joint: Option<usize>,
+    /// Its frame in the frame of that joint's link, or of the vehicle; absent where they are the same.
+    frame: Option<Pose<f64>>,
+}
+
+impl Place {
+    /// A pose in this body, seen from the moving body.
+    fn of(&self, pose: Pose<f64>) -> Pose<f64> {
+        self.frame.map_or(pose, |frame| frame.times(&pose))
+    }
 }
 
 fn friction(joint: &Joint) -> Option<Friction<f64>> {

@@ -3,10 +3,9 @@
 use nalgebra as na;
 
 use super::compile::compile;
-use super::joint_frames::placed;
 use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
-use crate::description::{Parent, Scene};
+use crate::description::Scene;
 use crate::lane::{Lane, Param, Routine, Shared, get_option, numbers, sin_cos};
 use crate::lie::{Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
@@ -41,22 +40,18 @@ impl EndEffector {
     /// End effector of a checked scene: the vehicle frame if it has no arm.
     pub fn new(scene: &Scene) -> Self {
         let compiled = compile(scene);
-        let body = compiled.system.payload_body;
-        let end_effector = scene.arm.as_ref().map_or_else(Pose::identity, |arm| placed(&arm.end_effector));
-        let tip = match (&scene.arm, body.checked_sub(1)) {
-            (_, Some(k)) => compiled.links[k].times(&end_effector),
-            (Some(arm), None) if arm.tip() != Some(Parent::Vehicle) => placed(&arm.mount.frame).times(&end_effector),
-            (_, None) => end_effector,
-        };
-        Self::on(&compiled.system.joints, body, &tip)
+        Self::on(&compiled.system.joints, compiled.system.payload_body, &compiled.tip)
     }
 
-    /// Frames of the moving links of a checked scene, each with the chain that leads to it; the arm's base comes first if it
-    /// is joint-loaded.
+    /// Frames of the arm's base and of all links of a checked scene, each with the chain that leads to it; none without arm.
     pub fn links(scene: &Scene) -> Vec<Self> {
         let compiled = compile(scene);
-        let joints = &compiled.system.joints;
-        compiled.links.iter().enumerate().map(|(i, link)| Self::on(joints, i + 1, link)).collect()
+        compiled.frames.iter().map(|(body, frame)| Self::on(&compiled.system.joints, *body, frame)).collect()
+    }
+
+    /// Number of the moving body that carries it: 0 for the vehicle and i + 1 for the link of joint i.
+    pub fn body(&self) -> usize {
+        self.body
     }
 
     /// A frame at `tip` in the frame of this body.

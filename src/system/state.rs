@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use crate::hydro::{THRUSTERS, Thrusts};
 
 /// Maximum number of joints: q0 of joint loading and eight of the arm.
-pub const JOINTS: usize = 9;
+pub const JOINTS: usize = crate::description::MAX_JOINTS;
 
 /// One number per joint; entries past the scene's joint count are 0.
 pub type Joints = [f64; JOINTS];

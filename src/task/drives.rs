@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::PRISMATIC_PER_RADIAN;
-use crate::description::{Joint, JointKind, JointServo, Scene};
+use crate::description::{Joint, JointServo, Scene};
 use crate::dynamics::ClosedFormModel;
 use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
@@ -75,10 +75,7 @@ fn max_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> 
         }
     }
     let torque = |(k, joint): (usize, &&Joint)| {
-        let unit = match joint.kind {
-            JointKind::Revolute => 1.0,
-            JointKind::Prismatic => PRISMATIC_PER_RADIAN,
-        };
+        let unit = if joint.slides() { PRISMATIC_PER_RADIAN } else { 1.0 };
         let friction = joint.friction.viscous * unit + joint.friction.coulomb;
         let [free, fixed] = ACCELERATION.map(|acceleration| acceleration * unit);
         let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(fixed * inertia[k]);

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::bounds::{POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
 use super::reference::PRISMATIC_PER_RADIAN;
 use crate::control::ACTIONS;
-use crate::description::{Joint, JointKind};
+use crate::description::Joint;
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
 use crate::system::JOINTS;
@@ -103,10 +103,7 @@ pub(super) fn six([first, last]: [(f64, f64); 2]) -> [(f64, f64); 6] {
 
 /// Scale and bound of joint coordinates, and of joint rates.
 pub(super) fn joint_entries(joints: &[Joint]) -> [Vec<(f64, f64)>; 2] {
-    let unit = |joint: &Joint| match joint.kind {
-        JointKind::Revolute => 1.0,
-        JointKind::Prismatic => PRISMATIC_PER_RADIAN,
-    };
+    let unit = |joint: &Joint| if joint.slides() { PRISMATIC_PER_RADIAN } else { 1.0 };
     let coordinate = |joint: &Joint| {
         let travel = joint.limits.as_ref().map_or(0.0, |l| l.upper - l.lower);
         (JOINT_SCALE * unit(joint), (JOINT_BOUND * unit(joint)).max(2.0 * travel))

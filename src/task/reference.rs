@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::random::Stream;
-use crate::description::{Joint, JointKind};
+use crate::description::Joint;
 use crate::lane::{Lane, Rows, sin_cos};
 use crate::system::JOINTS;
 
@@ -68,11 +68,7 @@ impl JointReference {
         index: u32,
     ) -> Self {
         let draw = |k: u32, low, high| stream.uniform_in(DRAWS * index + k, low, high);
-        let wished = amplitude
-            * match joint.kind {
-                JointKind::Revolute => 1.0,
-                JointKind::Prismatic => PRISMATIC_PER_RADIAN,
-            };
+        let wished = amplitude * if joint.slides() { PRISMATIC_PER_RADIAN } else { 1.0 };
         let (swing, center) = match &joint.limits {
             Some(limits) => {
                 let margin = (MARGIN * (limits.upper - limits.lower)).min(wished);

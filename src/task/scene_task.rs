@@ -20,7 +20,7 @@ use super::registry::dispatch_task;
 use super::scalar::{Scalar, ScalarKernel};
 use super::scene_draws::SceneDraws;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation};
-use crate::description::{Joint, JointKind, Scene};
+use crate::description::{Joint, Scene};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::system::{EndEffector, JOINTS, State};
@@ -133,10 +133,7 @@ impl Task {
         let actions = &self.model.actions;
         let mut ranges = actions.ranges(self.thruster_names.iter().map(String::as_str));
         for ((torque, name), joint) in actions.torques().iter().zip(&self.joint_names).zip(&self.model.joints) {
-            let unit = match joint.kind {
-                JointKind::Revolute => "N m",
-                JointKind::Prismatic => "N",
-            };
+            let unit = if joint.slides() { "N" } else { "N m" };
             ranges.push(ActionRange {
                 name: name.clone(),
                 limits: [-torque, *torque],

@@ -10,7 +10,7 @@ use super::element::Result;
 use super::file::{JointType, Robot, UrdfJoint};
 use super::links::Part;
 use crate::description::{
-    Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene,
+    Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_JOINTS, Mount, Scene,
     VEHICLE, read_file,
 };
 use crate::estimate::{Estimate, Outline};
@@ -106,11 +106,11 @@ impl Import<'_> {
             }
             let (body, how) = body(&part, scene.water.density);
             formulas.push((format!("arm.links[{name}].body"), how));
-            arm.links.push(Link { name, parent: None, joint: taken_over(joint, frame), body });
+            arm.links.push(Link { name, parent: None, joint: taken_over(joint, frame), body: Some(body) });
         }
-        if arm.links.len() > MAX_LINKS {
+        if arm.links.len() > MAX_JOINTS {
             let problem =
-                format!("{} moving joints from base to tip, but at most {MAX_LINKS} are allowed", arm.links.len());
+                format!("{} moving joints from base to tip, but at most {MAX_JOINTS} are allowed", arm.links.len());
             return robot.fault(1, "<robot>", problem);
         }
         arm.end_effector = tip.unwrap_or_default();
@@ -124,7 +124,7 @@ impl Import<'_> {
         let (mass, volume) = arm
             .base
             .iter()
-            .chain(arm.links.iter().map(|link| &link.body))
+            .chain(arm.links.iter().flat_map(|link| &link.body))
             .fold((0.0, 0.0), |sum, body| (sum.0 + body.mass, sum.1 + body.displaced_volume(&scene.water)));
         notes.push(format!(
             "the arm weighs {mass:.4} kg and displaces {:.4} kg of water: the vehicle may need foam or ballast for the difference",
@@ -203,10 +203,7 @@ fn tune(links: &mut [Link]) {
 /// Rigid and added inertia of all links about the first joint at home, and the inertia of its rotor, kg m2 or kg.
 fn carried(links: &[Link]) -> f64 {
     let axis = links[0].joint.axis.normalize();
-    let (mut v, mut w) = match links[0].joint.kind {
-        JointKind::Revolute => (Vector3::zeros(), axis),
-        JointKind::Prismatic => (axis, Vector3::zeros()),
-    };
+    let (mut v, mut w) = if links[0].joint.slides() { (axis, Vector3::zeros()) } else { (Vector3::zeros(), axis) };
     let into = |(v, w): (Vector3<f64>, Vector3<f64>), r: Matrix3<f64>, p: Vector3<f64>| {
         (r.transpose() * (v + w.cross(&p)), r.transpose() * w)
     };
@@ -216,15 +213,14 @@ fn carried(links: &[Link]) -> f64 {
             let joint = &link.joint;
             (v, w) = into((v, w), joint.frame.rotation(), joint.frame.position);
             let axis = joint.axis.normalize();
-            (v, w) = match joint.kind {
-                JointKind::Revolute => {
-                    let turn = Rotation3::from_axis_angle(&nalgebra::Unit::new_unchecked(axis), joint.home);
-                    into((v, w), turn.into_inner(), Vector3::zeros())
-                }
-                JointKind::Prismatic => into((v, w), Matrix3::identity(), axis * joint.home),
+            (v, w) = if joint.slides() {
+                into((v, w), Matrix3::identity(), axis * joint.home)
+            } else {
+                let turn = Rotation3::from_axis_angle(&nalgebra::Unit::new_unchecked(axis), joint.home);
+                into((v, w), turn.into_inner(), Vector3::zeros())
             };
         }
-        let body = &link.body;
+        let Some(body) = &link.body else { continue };
         let at_com = v + w.cross(&body.center_of_mass);
         sum += body.mass * at_com.norm_squared() + w.dot(&(body.inertia_about_com() * w));
         let (hv, hw) = into((v, w), body.hydrodynamic_frame.rotation(), body.hydrodynamic_frame.position);

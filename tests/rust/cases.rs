@@ -118,7 +118,7 @@ pub fn for_bodies(scene: &mut Scene, change: impl Fn(&mut Body)) {
     change(&mut scene.vehicle.body);
     if let Some(arm) = &mut scene.arm {
         arm.base.iter_mut().for_each(&change);
-        arm.links.iter_mut().for_each(|link| change(&mut link.body));
+        arm.links.iter_mut().flat_map(|link| &mut link.body).for_each(&change);
     }
     scene.payload.iter_mut().for_each(|payload| change(&mut payload.body));
 }

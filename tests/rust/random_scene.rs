@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use uvms_gym::description::{
     Arm, Body, Damping, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits, JointServo, Link,
-    MAX_LINKS, Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
+    Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
 };
 use uvms_gym::system::State;
 
@@ -182,7 +182,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
     };
     let (fixed, q0, payload) = (choose(options.fixed), choose(options.joint_loading), choose(options.payload));
     let (moving_water, forces) = (choose(options.current), choose(options.joint_forces));
-    let links = (random.bits() % (MAX_LINKS as u64 + 1)) as usize;
+    let links = (random.bits() % 9) as usize;
     let links = options.links.unwrap_or(links);
 
     let water = Water {
@@ -219,7 +219,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
     };
     let parents: Vec<_> = (0..links).map(&mut body).collect();
     let tip = body(links);
-    let arm = Arm {
+    let mut arm = Arm {
         name: "random arm".into(),
         mount: Mount { frame: random.frame(0.4), joint: q0.then(|| random.joint(0.1, forces)) },
         base: has_base.then(|| random.body(4.0, 0.4, dry)),
@@ -228,12 +228,21 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
                 name: format!("link-{i}"),
                 parent: parents[i].clone(),
                 joint: random.joint(0.3, forces),
-                body: random.body(4.0, 0.4, dry),
+                body: Some(random.body(4.0, 0.4, dry)),
             })
             .collect(),
         tip,
         end_effector: random.frame(0.3),
     };
+    // Fixed links, on which links may start.
+    for k in 0..if branching { places.bits() % 3 } else { 0 } {
+        let at = places.bits() as usize % (arm.links.len() + 1);
+        let parent = ["vehicle", "base"].into_iter().chain(arm.links[..at].iter().map(|link| link.name.as_str()));
+        let parent = parent.last().filter(|_| places.coin()).unwrap_or("vehicle").to_owned();
+        let body = places.coin().then(|| places.body(4.0, 0.4, dry));
+        let joint = Joint::fixed(places.frame(0.3));
+        arm.links.insert(at, Link { name: format!("fixed-{k}"), parent: Some(parent), joint, body });
+    }
     let scene = Scene {
         name: format!("random-{seed}"),
         summary: String::new(),

@@ -11,7 +11,7 @@ use super::step_quality::ACCUMULATED_LIMIT;
 use crate::batch::options::SimulatorOptions;
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
-use crate::description::{Joint, JointKind, Scene};
+use crate::description::{Joint, Scene};
 use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{Linearization, Loads, Modes, Servos, linearize};
 use crate::error::SimulatorError;
@@ -285,10 +285,7 @@ pub fn joint_speed(joint: &Joint) -> f64 {
 
 /// The entry for a revolute or a prismatic joint.
 fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
-    match joint.kind {
-        JointKind::Revolute => revolute,
-        JointKind::Prismatic => prismatic,
-    }
+    if joint.slides() { prismatic } else { revolute }
 }
 
 /// Analyses at the default speeds, latest first, shared by the simulators of a scene.

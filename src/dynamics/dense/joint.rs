@@ -3,22 +3,17 @@
 use nalgebra::{Vector3, Vector6};
 
 use super::se3::{DensePose, stack};
-use crate::description::{Joint, JointKind};
+use crate::description::Joint;
 
 /// Joint matrix E: twist of the child in its own frame per joint rate. `[HC eq. 9]`
 pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
-    match joint.kind {
-        JointKind::Revolute => stack(&Vector3::zeros(), &joint.axis),
-        JointKind::Prismatic => stack(&joint.axis, &Vector3::zeros()),
-    }
+    let zero = Vector3::zeros();
+    if joint.slides() { stack(&joint.axis, &zero) } else { stack(&zero, &joint.axis) }
 }
 
 /// Pose of the child frame in the parent frame at joint coordinate `q`.
 pub fn joint_pose(joint: &Joint, q: f64) -> DensePose {
-    let motion = match joint.kind {
-        JointKind::Revolute => DensePose::turn(&joint.axis, q),
-        JointKind::Prismatic => DensePose::shift(joint.axis * q),
-    };
+    let motion = if joint.slides() { DensePose::shift(joint.axis * q) } else { DensePose::turn(&joint.axis, q) };
     DensePose::from_frame(&joint.frame) * motion
 }
 

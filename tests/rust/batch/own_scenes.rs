@@ -66,8 +66,12 @@ fn vary(scene: &Scene, seed: u64, gentle: bool) -> Scene {
         arm.mount.joint.iter_mut().for_each(|joint| vary_joint(joint, random, gentle));
         arm.base.iter_mut().for_each(|body| vary_body(body, random, gentle));
         for link in &mut arm.links {
-            vary_joint(&mut link.joint, random, gentle);
-            vary_body(&mut link.body, random, gentle);
+            if link.moves() {
+                vary_joint(&mut link.joint, random, gentle);
+            } else {
+                vary_frame(&mut link.joint.frame, random, gentle);
+            }
+            link.body.iter_mut().for_each(|body| vary_body(body, random, gentle));
         }
         vary_frame(&mut arm.end_effector, random, gentle);
     }

@@ -10,7 +10,7 @@ use uvms_gym::description::Scene;
 use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
-use uvms_gym::system::EndEffector;
+use uvms_gym::system::{EndEffector, JOINTS};
 use uvms_gym::task::{ControllerKind, TaskOptions};
 
 const SEEDS: [u64; 5] = [11, 3, 400, 7, u64::MAX];
@@ -73,7 +73,7 @@ fn the_end_effector_is_where_the_closed_form_has_it() {
         assert!((reached - expected.position).norm() < 1e-12, "seed {seed}");
         assert!((state.rotation * rotation - expected.rotation).norm() < 1e-12, "seed {seed}");
     }
-    let bare = EndEffector::new(&Scene::shipped("bluerov2-heavy").unwrap()).pose(&[0.0; 9]);
+    let bare = EndEffector::new(&Scene::shipped("bluerov2-heavy").unwrap()).pose(&[0.0; JOINTS]);
     assert_eq!(bare, (Matrix3::identity(), nalgebra::Vector3::zeros()));
 }
 

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use toml::Value;
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
-use uvms_gym::description::{LinearActuator, Scene, Tether, ThrustMap};
+use uvms_gym::description::{Body, Frame, Joint, LinearActuator, Scene, Tether, ThrustMap};
 use uvms_gym::error::DescriptionError;
 
 fn text(name: &str) -> String {
@@ -47,6 +47,7 @@ fn rows(diagonal: f64, upper: f64, lower: f64) -> String {
 fn a_missing_key() {
     refused_body(MASS, "", &["vehicle.body.mass", "missing"]);
     refused_body("density = 0.0", "", &["water.density", "missing"]);
+    refused("petasus-pum", "axis = [0.0, -1.0, 0.0]\n", "", &["arm.links[1].joint.axis (upper-arm)", "missing"]);
     refused("petasus-pum", "kind = \"revolute\"", "", &["arm.links[0].joint.kind (yaw)", "missing"]);
 }
 
@@ -172,13 +173,49 @@ fn lists_with_wrong_names_or_lengths() {
 
     let mut many = Scene::shipped(scene).unwrap();
     let links = &mut many.arm.as_mut().unwrap().links;
-    for i in 0..4 {
+    for i in 0..12 {
         let mut link = links[0].clone();
         link.name = format!("more-{i}");
         links.push(link);
     }
     let message = many.check().unwrap_err().to_string();
-    assert!(message.contains("petasus-pum") && message.contains("arm.links: 9 elements"), "{message}");
+    assert!(message.contains("petasus-pum") && message.contains("arm.links: 17 moving joints"), "{message}");
+    let links = &mut many.arm.as_mut().unwrap().links;
+    links.pop();
+    many.check().unwrap();
+}
+
+#[test]
+fn fixed_links_have_a_frame_alone_and_others_all() {
+    let fixed = || {
+        let mut scene = Scene::shipped("petasus-pum").unwrap();
+        let joint = &mut scene.arm.as_mut().unwrap().links[3].joint;
+        *joint = Joint::fixed(joint.frame.clone());
+        scene
+    };
+    let text = fixed().to_toml_string();
+    assert_eq!(Scene::from_toml_str(&text, "my.toml").unwrap(), fixed());
+    assert_eq!(fixed().joint_names().len(), 4);
+    let mut frame = fixed();
+    frame.arm.as_mut().unwrap().links[3].body = None;
+    assert_eq!(Scene::from_toml_str(&frame.to_toml_string(), "my.toml").unwrap(), frame);
+    let refused = |change: &dyn Fn(&mut Scene), parts: [&str; 2]| {
+        let mut scene = fixed();
+        change(&mut scene);
+        let message = scene.check().unwrap_err().to_string();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    };
+    let change = |scene: &mut Scene, change: fn(&mut Joint)| change(&mut scene.arm.as_mut().unwrap().links[3].joint);
+    let only = "only kind and frame";
+    refused(&|scene| change(scene, |joint| joint.home = 0.1), ["arm.links[3].joint.home", only]);
+    refused(&|scene| change(scene, |joint| joint.axis.x = 1.0), ["arm.links[3].joint.axis", only]);
+    refused(&|scene| change(scene, |joint| joint.effort = Some(1.0)), ["arm.links[3].joint.effort", only]);
+    refused(&|scene| scene.arm.as_mut().unwrap().links[2].body = None, ["arm.links[2].body (forearm)", "missing"]);
+    let mount = |scene: &mut Scene| {
+        let arm = scene.arm.as_mut().unwrap();
+        (arm.base, arm.mount.joint) = (Some(Body::point(1.0)), Some(Joint::fixed(Frame::default())));
+    };
+    refused(&mount, ["arm.mount.joint.kind", "revolute or prismatic"]);
 }
 
 #[test]

@@ -69,7 +69,7 @@ fn slips_are_reported_by_key_and_number() {
 fn links_given_in_other_axes_than_their_joints_are_reported() {
     let published = |i: usize, centre: [f64; 3], inertia: [f64; 3]| {
         let mut scene = shipped("bluerov2-heavy-alpha5");
-        let body = &mut scene.arm.as_mut().unwrap().links[i].body;
+        let body = scene.arm.as_mut().unwrap().links[i].body.as_mut().unwrap();
         (body.center_of_mass, body.inertia) = (centre.into(), Matrix3::from_diagonal(&inertia.into()));
         texts(&scene)
     };

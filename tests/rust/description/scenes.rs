@@ -3,7 +3,7 @@
 use super::shipped;
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::{Matrix3, Vector3};
-use uvms_gym::description::{InertiaPoint, Origin, Scene};
+use uvms_gym::description::{InertiaPoint, MAX_JOINTS, Origin, Scene};
 
 fn all_shipped() -> impl Iterator<Item = Scene> {
     Scene::shipped_names().into_iter().map(shipped)
@@ -77,7 +77,8 @@ fn the_papers_scene_has_eleven_degrees_of_freedom_and_joint_2_may_travel_45_degr
 fn shipped_vehicles_are_nearly_neutral() {
     for scene in all_shipped().filter(|scene| scene.water.density > 0.0) {
         let bodies = || {
-            let arm = scene.arm.iter().flat_map(|arm| arm.base.iter().chain(arm.links.iter().map(|link| &link.body)));
+            let arm =
+                scene.arm.iter().flat_map(|arm| arm.base.iter().chain(arm.links.iter().flat_map(|link| &link.body)));
             std::iter::once(&scene.vehicle.body).chain(arm)
         };
         let mass: f64 = bodies().map(|body| body.mass).sum();
@@ -169,11 +170,12 @@ fn buoyancy_and_volume_displace_alike() {
 
 #[test]
 fn joints_are_named_after_what_they_carry_with_the_base_first() {
-    let scene = random_scene(3, Options { links: Some(2), joint_loading: Some(true), ..Options::default() });
+    let options = Options { branching: Some(false), joint_loading: Some(true), ..Options::default() };
+    let scene = random_scene(3, Options { links: Some(2), ..options });
     assert_eq!(scene.joint_names(), ["base", "link-0", "link-1"]);
     assert_eq!(scene.body_names(), ["vehicle", "base", "link-0", "link-1"]);
     assert_eq!(scene.home()[0], scene.arm.as_ref().unwrap().mount.joint.as_ref().unwrap().home);
-    assert_eq!(scene.home()[3..], [0.0; 6]);
+    assert_eq!(scene.home()[3..], [0.0; MAX_JOINTS - 3]);
     assert_eq!(scene.thruster_names().len(), 6);
 }
 

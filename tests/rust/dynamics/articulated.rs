@@ -88,8 +88,9 @@ fn full_damping_turned_about_joints_agrees_with_the_closed_form() {
             let about = Unit::new_normalize(link.joint.axis);
             let (roll, pitch, yaw) =
                 (Rotation3::from_axis_angle(&about, random.between(-3.0, 3.0)) * z * x).euler_angles();
-            link.body.hydrodynamic_frame.rpy = Vector3::new(roll, pitch, yaw);
-            for drag in [&mut link.body.damping.linear, &mut link.body.damping.quadratic] {
+            let body = link.body.as_mut().unwrap();
+            body.hydrodynamic_frame.rpy = Vector3::new(roll, pitch, yaw);
+            for drag in [&mut body.damping.linear, &mut body.damping.quadratic] {
                 drag.apply(|entry| *entry = random.between(-0.3, 1.0));
             }
         }

@@ -74,10 +74,11 @@ fn direct(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
         let motion = match joint.kind {
             JointKind::Revolute => Dense::rotation(along),
             JointKind::Prismatic => Dense::translation(along.x, along.y, along.z),
+            JointKind::Fixed => Dense::identity(),
         };
         of(&joint.frame) * motion
     };
-    let first = arm.mount.joint.iter().count();
+    let mut coordinates = q[arm.mount.joint.iter().count()..].iter();
     let base = arm.mount.joint.iter().fold(of(&arm.mount.frame), |base, joint| base * moved(joint, q[0]));
     let mut links = Vec::new();
     for (i, link) in arm.links.iter().enumerate() {
@@ -86,9 +87,11 @@ fn direct(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
             Parent::Base => base,
             Parent::Link(k) => links[k],
         };
-        links.push(parent * moved(&link.joint, q[first + i]));
+        let q = if link.moves() { *coordinates.next().unwrap() } else { 0.0 };
+        links.push(parent * moved(&link.joint, q));
     }
-    arm.mount.joint.iter().map(|_| base).chain(links).map(|pose| pose.to_homogeneous()).collect()
+    let moving = arm.links.iter().zip(links).filter(|(link, _)| link.moves()).map(|(_, pose)| pose);
+    arm.mount.joint.iter().map(|_| base).chain(moving).map(|pose| pose.to_homogeneous()).collect()
 }
 
 fn worst(scene: &Scene, seed: u64) -> f64 {
@@ -218,7 +221,7 @@ fn shipped_arms_leave_out_what_their_frames_can_spare() {
     let mut alpha5 = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
     for turned in [false, true] {
         if turned {
-            alpha5.arm.as_mut().unwrap().links[1].body.hydrodynamic_frame.rpy.fill(0.0);
+            alpha5.arm.as_mut().unwrap().links[1].body.as_mut().unwrap().hydrodynamic_frame.rpy.fill(0.0);
         }
         let system = compile(&alpha5).system;
         let turns: Vec<_> = system.joints.iter().map(|joint| joint.body.central.unwrap().rotation).collect();
@@ -244,7 +247,7 @@ fn shipped_bodies_without_drag_keep_their_centres() {
         let mut scene = Scene::shipped(name).unwrap();
         let system = compile(&scene).system;
         let arm = scene.arm.as_mut().unwrap();
-        let bodies = arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body));
+        let bodies = arm.base.iter_mut().chain(arm.links.iter_mut().flat_map(|link| &mut link.body));
         for body in bodies.chain([&mut scene.vehicle.body]) {
             body.damping.linear.fill(0.0);
             body.damping.quadratic.fill(0.0);

@@ -26,13 +26,17 @@ fn difference(a: &ClosedForm, b: &ClosedForm) -> f64 {
     .fold(0.0, f64::max)
 }
 
+fn own(link: &Link) -> &Body {
+    link.body.as_ref().unwrap()
+}
+
 #[test]
 fn two_bodies_fixed_together_are_one_body_of_their_summed_inertia() {
     let water = Water { density: 0.0, gravity: Vector3::zeros(), current: Vector3::zeros() };
     let scene = scene(false);
     let arm = scene.arm.as_ref().unwrap();
     let in_com = |body: &Body| Body { inertia: body.inertia_about_com(), inertia_at: InertiaPoint::Com, ..dry(body) };
-    let (a, b) = (in_com(&arm.links[0].body), in_com(&arm.links[1].body));
+    let (a, b) = (in_com(own(&arm.links[0])), in_com(own(&arm.links[1])));
     let mount = DensePose::from_frame(&arm.mount.frame);
 
     let b_center = mount.rotation * b.center_of_mass + mount.position;
@@ -77,20 +81,20 @@ fn composing_is_associative() {
             |parent: Composite, at, k: usize, child| parent.joint_loading(at, here, links[k].joint.clone(), child);
 
         // From the tip inwards ...
-        let tip = rigid(&links[2].body).fixed_loading(0, grip, rigid(&payload.body));
-        let tip = joined(rigid(&links[1].body), 0, 2, tip);
-        let tip = joined(rigid(&links[0].body), 0, 1, tip);
+        let tip = rigid(own(&links[2])).fixed_loading(0, grip, rigid(&payload.body));
+        let tip = joined(rigid(own(&links[1])), 0, 2, tip);
+        let tip = joined(rigid(own(&links[0])), 0, 1, tip);
         let inwards = onto(rigid(&scene.vehicle.body), 0, joined(rigid(arm.base.as_ref().unwrap()), 0, 0, tip));
         // ... from the vehicle outwards ...
         let mut outwards = onto(rigid(&scene.vehicle.body), 0, rigid(arm.base.as_ref().unwrap()));
         for (k, link) in links.iter().enumerate() {
-            outwards = joined(outwards, 1 + k, k, rigid(&link.body));
+            outwards = joined(outwards, 1 + k, k, rigid(own(link)));
         }
         let outwards = outwards.fixed_loading(4, grip, rigid(&payload.body));
         // ... and two halves.
         let half =
-            onto(rigid(&scene.vehicle.body), 0, joined(rigid(arm.base.as_ref().unwrap()), 0, 0, rigid(&links[0].body)));
-        let other = joined(rigid(&links[1].body), 0, 2, rigid(&links[2].body));
+            onto(rigid(&scene.vehicle.body), 0, joined(rigid(arm.base.as_ref().unwrap()), 0, 0, rigid(own(&links[0]))));
+        let other = joined(rigid(own(&links[1])), 0, 2, rigid(own(&links[2])));
         let other = other.fixed_loading(1, grip, rigid(&payload.body));
         let halves = joined(half, 2, 1, other);
 
@@ -126,7 +130,7 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     assert_eq!(form.body_poses().len(), n + 1);
     // Weight alone, by hand: the last body's restoring wrench has the weight and buoyancy of link and payload.
     let restoring = form.restoring();
-    let link = &scene.arm.as_ref().unwrap().links[n - 1].body;
+    let link = scene.arm.as_ref().unwrap().links[n - 1].body.as_ref().unwrap();
     let payload = &scene.payload.as_ref().unwrap().body;
     let net = |body: &Body| body.mass - scene.water.density * body.displaced_volume(&scene.water);
     let expected = scene.water.gravity.norm() * (net(link) + net(payload)).abs();
@@ -197,10 +201,19 @@ fn end_effector_sits_on_the_last_body() {
 #[test]
 fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
     let scene = scene(false);
-    let model = ClosedFormModel::new(&scene).unwrap();
+    let (arm, payload) = (scene.arm.as_ref().unwrap(), scene.payload.as_ref().unwrap());
+    let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
+    let here = DensePose::identity();
+    let links = arm.links.iter().enumerate();
+    let alone = links.fold(rigid(arm.base.as_ref().unwrap()), |alone, (k, link)| {
+        alone.joint_loading(k, here, link.joint.clone(), rigid(own(link)))
+    });
+    let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
+    let alone = alone.fixed_loading(3, grip, rigid(&payload.body));
     let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
+    let model = ClosedFormModel::new(&scene).unwrap();
     let whole = model.at(&at, Vector3::zeros());
-    let arm = model.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
+    let arm = alone.at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
     let whole_mass = whole.mass_matrix().view((6, 6), (3, 3)).into_owned();
     assert!(relative(&arm.mass_matrix.view((6, 6), (3, 3)).into_owned(), &whole_mass) < 1e-14);
     assert!(relative(&arm.bias.rows(6, 3).into_owned(), &whole.bias().rows(6, 3).into_owned()) < 1e-13);
@@ -211,12 +224,8 @@ fn joint_loading_is_one_more_link() {
     let loaded = scene(true);
     let mut linked = loaded.clone();
     let arm = linked.arm.as_mut().unwrap();
-    let link = Link {
-        name: "base".into(),
-        parent: None,
-        joint: arm.mount.joint.take().unwrap(),
-        body: arm.base.take().unwrap(),
-    };
+    let link =
+        Link { name: "base".into(), parent: None, joint: arm.mount.joint.take().unwrap(), body: arm.base.take() };
     arm.links.insert(0, link);
     let at = random_state(4, &loaded);
     let (loaded, linked) = (ClosedFormModel::new(&loaded).unwrap(), ClosedFormModel::new(&linked).unwrap());

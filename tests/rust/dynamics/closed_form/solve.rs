@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::error::DynamicsError;
-use uvms_gym::system::State;
+use uvms_gym::system::{JOINTS, State};
 
 use super::relative;
 use crate::cases::{RandomLoads, current, dry, scene, scenes};
@@ -16,13 +16,13 @@ fn planar_link(x: f64, axis: Vector3<f64>, center: f64, inertia: f64, mass: f64)
     link.joint.kind = JointKind::Revolute;
     link.joint.frame = Frame { position: Vector3::new(x, 0.0, 0.0), rpy: Vector3::zeros() };
     link.joint.axis = axis;
-    link.body = Body {
+    link.body = Some(Body {
         mass,
         center_of_mass: Vector3::new(center, 0.0, 0.0),
         inertia: Matrix3::from_diagonal_element(inertia),
         inertia_at: InertiaPoint::Com,
-        ..dry(&link.body)
-    };
+        ..dry(link.body.as_ref().unwrap())
+    });
     link
 }
 
@@ -125,7 +125,7 @@ fn trim_holds_the_system_at_rest() {
         let mut external = vec![Vector6::zeros(); 5];
         external[0] = effort.wrench;
         let loads = Loads { external: &external, joint_command: effort.joint_torques.as_slice(), ..Loads::default() };
-        let rest = State { twist: Vector6::zeros(), qd: [0.0; 9], ..moving.clone() };
+        let rest = State { twist: Vector6::zeros(), qd: [0.0; JOINTS], ..moving.clone() };
         assert!(model.at(&rest, water).accelerations(&loads).unwrap().norm() < 1e-10);
         assert!(effort.wrench.norm() > 10.0);
     }
@@ -153,15 +153,16 @@ fn bad_input_is_refused_with_its_numbers() {
 
     let arm = bad.arm.as_mut().unwrap();
     arm.links.truncate(1);
-    arm.links[0].body = Body { mass: 0.0, inertia: Matrix3::zeros(), ..dry(&arm.links[0].body) };
+    let body = arm.links[0].body.as_mut().unwrap();
+    *body = Body { mass: 0.0, inertia: Matrix3::zeros(), ..dry(body) };
     bad.payload = None;
     let massless = ClosedFormModel::new(&bad).unwrap();
     let form = massless.at(&random_state(0, &bad), Vector3::zeros());
     assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), DynamicsError::NotPositiveDefinite);
 
     let link = bad.arm.as_ref().unwrap().links[0].clone();
-    bad.arm.as_mut().unwrap().links = vec![link; 9];
-    assert_eq!(ClosedFormModel::new(&bad).unwrap_err(), DynamicsError::Joints { joints: 10, max: 9 });
+    bad.arm.as_mut().unwrap().links = vec![link; JOINTS];
+    assert_eq!(ClosedFormModel::new(&bad).unwrap_err(), DynamicsError::Joints { joints: JOINTS + 1, max: JOINTS });
 }
 
 #[test]

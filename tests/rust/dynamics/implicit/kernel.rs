@@ -90,7 +90,7 @@ impl Case {
         let arm = scene
             .arm
             .iter()
-            .flat_map(|arm| std::iter::once(arm.base.as_ref()).chain(arm.links.iter().map(|link| Some(&link.body))));
+            .flat_map(|arm| std::iter::once(arm.base.as_ref()).chain(arm.links.iter().map(|link| link.body.as_ref())));
         let payload = scene.payload.iter().map(|payload| Some(&payload.body));
         let bodies: Vec<Option<&Body>> = std::iter::once(Some(&scene.vehicle.body)).chain(arm).chain(payload).collect();
         assert_eq!(bodies.len(), equations.bodies.len());
