@@ -86,9 +86,25 @@ pub fn body(change: impl FnOnce(&mut Body)) -> Scene {
     scene
 }
 
+/// PETASUS-PUM with its links as a tree: two on the yaw joint, a chain, and one on the vehicle.
+pub fn branched() -> Scene {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    scene.name = "petasus-pum, branched".into();
+    for (link, parent) in scene.arm.as_mut().unwrap().links.iter_mut().zip(["base", "yaw", "yaw", "forearm", "vehicle"])
+    {
+        link.parent = Some(parent.into());
+    }
+    scene.check().unwrap();
+    scene
+}
+
 /// A tumbling vehicle with added mass, restoring forces and drag; its arm swings without friction and end stops, which have kinks.
 pub fn tumbling(quadratic: bool) -> (Scene, State) {
-    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    tumbling_scene(Scene::shipped("petasus-pum").unwrap(), quadratic)
+}
+
+/// The same of a scene of five joints.
+pub fn tumbling_scene(mut scene: Scene, quadratic: bool) -> (Scene, State) {
     if !quadratic {
         for_bodies(&mut scene, |body| body.damping.quadratic = Matrix6::zeros());
     }

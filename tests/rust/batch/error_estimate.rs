@@ -8,6 +8,7 @@ use uvms_gym::description::Scene;
 use uvms_gym::dynamics::Servos;
 use uvms_gym::system::State;
 
+use crate::cases::branched;
 use crate::random_scene::{Random, random_state};
 
 /// Instances of a test.
@@ -66,8 +67,8 @@ fn the_estimate_is_the_error() {
     for (precision, minimum) in [(Precision::Double, 0.95), (Precision::Single, 0.9)] {
         let options = SimulatorOptions { instances: N, precision, error_estimate: Some(true), ..Default::default() };
         let mut found: Vec<(&str, Vec<f64>)> = Vec::new();
-        for name in ["petasus-pum", "bluerov2-heavy", "rexrov"] {
-            let scene = Scene::shipped(name).unwrap();
+        let shipped = ["petasus-pum", "bluerov2-heavy", "rexrov"].map(|name| Scene::shipped(name).unwrap());
+        for scene in shipped.into_iter().chain([branched()]) {
             let mut exact = simulator(&scene, "mk4", 0.0005, &SimulatorOptions { instances: N, ..Default::default() });
             drive(&mut exact);
             for integrator in ["mk4", "mk3", "mk2", "ros2", "ros3"] {
@@ -106,12 +107,12 @@ fn the_estimate_is_the_error() {
 
 #[test]
 fn states_do_not_depend_on_the_estimate_nor_the_estimate_on_other_instances() {
-    let scene = Scene::shipped("petasus-pum").unwrap();
-    for precision in [Precision::Double, Precision::Single] {
+    let scenes = [Scene::shipped("petasus-pum").unwrap(), branched()];
+    for (scene, precision) in scenes.iter().flat_map(|scene| [(scene, Precision::Double), (scene, Precision::Single)]) {
         for integrator in ["mk4", "ros3", "mk54", "quaternion-rk4", "lagged-added-mass"] {
             let run = |instances: usize, error_estimate: Option<bool>| {
                 let options = SimulatorOptions { instances, precision, error_estimate, ..Default::default() };
-                let mut s = simulator(&scene, integrator, 0.01, &options);
+                let mut s = simulator(scene, integrator, 0.01, &options);
                 drive(&mut s);
                 s
             };

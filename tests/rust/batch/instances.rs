@@ -2,7 +2,7 @@
 //! cannot be computed is NaN.
 
 use crate::batch::inputs::{RandomInputs, STRONG};
-use crate::cases::bits;
+use crate::cases::{bits, branched};
 use crate::random_scene::{Random, random_state};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
@@ -44,11 +44,11 @@ const STEPS: usize = 12;
 
 #[test]
 fn result_depends_on_no_other_instance_nor_on_threads() {
-    let scene = Scene::shipped("petasus-pum").unwrap();
-    for precision in [Precision::Double, Precision::Single] {
+    let scenes = [Scene::shipped("petasus-pum").unwrap(), branched()];
+    for (scene, precision) in scenes.iter().flat_map(|scene| [(scene, Precision::Double), (scene, Precision::Single)]) {
         let mut alone: Vec<Option<Vec<u64>>> = vec![None; 8];
         for id in 0..8 {
-            let simulator = run(&scene, options(precision, 1, 1), &[id], &[STEPS]);
+            let simulator = run(scene, options(precision, 1, 1), &[id], &[STEPS]);
             let state = simulator.state(0);
             assert!(state.twist.norm() > 0.0 && state.twist.iter().all(|x| x.is_finite()));
             alone[id as usize] = Some(bits(&state));
@@ -61,7 +61,7 @@ fn result_depends_on_no_other_instance_nor_on_threads() {
                 // The eight known instances lie in ever other places.
                 let ids: Vec<u64> = (0..n as u64).map(|i| if n <= 17 { (i * 5 + 3) % 8 } else { i }).collect();
                 let shifted: Vec<u64> = ids.iter().map(|id| (id + n as u64 / 3) % n.max(8) as u64).collect();
-                let simulator = run(&scene, options(precision, n, threads), &shifted, &[STEPS]);
+                let simulator = run(scene, options(precision, n, threads), &shifted, &[STEPS]);
                 let mut seen = 0;
                 for (i, &id) in shifted.iter().enumerate() {
                     if let Some(Some(expected)) = alone.get(id as usize) {

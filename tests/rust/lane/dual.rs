@@ -71,7 +71,8 @@ fn exponential_of_duals_moves_with_the_body_twist() {
 
 #[test]
 fn accelerations_of_duals_are_their_derivatives() {
-    let scene = random_scene(11, Options { links: Some(4), fixed: Some(false), ..Options::default() });
+    let scene =
+        random_scene(11, Options { links: Some(4), branching: Some(true), fixed: Some(false), ..Options::default() });
     let system = compile(&scene).system;
     let state = random_state(11, &scene);
     let mut random = Random::new(9);

@@ -378,9 +378,8 @@ fn dynamics_agree<T: Real>(scene: &Scene) {
 
 #[test]
 fn accelerations_have_the_same_bits_on_all_fused_widths() {
-    for scene in
-        [Scene::shipped("petasus-pum").unwrap(), random_scene(3, Options { links: Some(5), ..Options::default() })]
-    {
+    let options = Options { links: Some(5), branching: Some(true), ..Options::default() };
+    for scene in [Scene::shipped("petasus-pum").unwrap(), random_scene(3, options)] {
         dynamics_agree::<f64>(&scene);
         dynamics_agree::<f32>(&scene);
     }

@@ -1,4 +1,4 @@
-//! Whole steps of every shipped scene by every production integrator, on every width.
+//! Whole steps of every shipped scene, and of a tree, by every production integrator, on every width.
 
 use std::process::Command;
 
@@ -9,7 +9,7 @@ use uvms_gym::lane::Isa;
 use uvms_gym::system::{Factors, State};
 
 use crate::batch::inputs::{GENTLE, RandomInputs, Sizes};
-use crate::cases::bits;
+use crate::cases::{bits, branched};
 use crate::random_scene::{Random, random_state};
 
 const INSTANCES: usize = 20;
@@ -57,15 +57,15 @@ const MARK: &str = "digest: ";
 /// in each.
 #[test]
 fn digests_of_whole_steps() {
-    for name in Scene::shipped_names() {
-        let scene = Scene::shipped(name).unwrap();
+    let shipped = Scene::shipped_names().into_iter().map(|name| Scene::shipped(name).unwrap());
+    for scene in shipped.chain([branched()]) {
         for entry in Integrator::NAMES.iter().filter(|entry| entry.kind == IntegratorKind::Production) {
             for (precision, varied) in
                 [Precision::Double, Precision::Single].into_iter().flat_map(|p| [(p, false), (p, true)])
             {
                 let sum = digest(&run(&scene, precision, entry.name, varied));
                 let own = if varied { "own parameters" } else { "shared parameters" };
-                println!("{MARK}{name}, {}, {precision:?}, {own}: {sum:016x}", entry.name);
+                println!("{MARK}{}, {}, {precision:?}, {own}: {sum:016x}", scene.name, entry.name);
             }
         }
     }

@@ -4,7 +4,7 @@ use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
 
 use super::joints::{Sway, later};
-use crate::cases::simulator_at;
+use crate::cases::{branched, simulator_at};
 use crate::random_scene::{Random, random_state};
 
 /// Simulated time, s.
@@ -13,8 +13,7 @@ const SECONDS: usize = 8;
 /// Residual of the ledger by the absolute work: |E(T) - E(0) - integral of power|, by Boole's rule on the steps.
 ///
 /// The joints sway about home without end stops; or with them, one leaning against its own; or some are prescribed.
-fn ledger(h: f64, stops: bool, prescribed: bool) -> f64 {
-    let mut scene = Scene::shipped("petasus-pum").unwrap();
+fn ledger(mut scene: Scene, h: f64, stops: bool, prescribed: bool) -> f64 {
     let mut state = random_state(1, &scene);
     let mut posture = scene.home();
     if stops {
@@ -73,25 +72,33 @@ fn ledger(h: f64, stops: bool, prescribed: bool) -> f64 {
     residual
 }
 
+fn petasus() -> Scene {
+    Scene::shipped("petasus-pum").unwrap()
+}
+
 #[test]
 fn energy_is_what_the_powers_put_in() {
-    let residuals = [0.01, 0.005, 0.0025].map(|h| ledger(h, false, false));
-    assert!(residuals[0] < 1e-7, "{residuals:?}");
-    assert!(residuals[1] < residuals[0] / 8.0 && residuals[2] < residuals[1] / 8.0, "it converges: {residuals:?}");
+    for scene in [petasus(), branched()] {
+        let residuals = [0.01, 0.005, 0.0025].map(|h| ledger(scene.clone(), h, false, false));
+        assert!(residuals[0] < 1e-7, "{residuals:?}");
+        assert!(residuals[1] < residuals[0] / 8.0 && residuals[2] < residuals[1] / 8.0, "it converges: {residuals:?}");
+    }
 }
 
 /// The drives of prescribed joints do the work that their torques say.
 #[test]
 fn energy_is_what_the_powers_and_the_drives_of_prescribed_joints_put_in() {
-    let residuals = [64.0, 128.0].map(|steps: f64| ledger(1.0 / steps, false, true));
-    assert!(residuals[0] < 1e-6, "{residuals:?}");
-    assert!(residuals[1] < residuals[0] / 8.0, "it converges: {residuals:?}");
+    for scene in [petasus(), branched()] {
+        let residuals = [64.0, 128.0].map(|steps: f64| ledger(scene.clone(), 1.0 / steps, false, true));
+        assert!(residuals[0] < 1e-6, "{residuals:?}");
+        assert!(residuals[1] < residuals[0] / 8.0, "it converges: {residuals:?}");
+    }
 }
 
 /// End stops have a kink where they are met: the books close more slowly there.
 #[test]
 fn energy_is_what_the_powers_put_in_at_the_end_stops_too() {
-    let residuals = [0.01, 0.0025].map(|h| ledger(h, true, false));
+    let residuals = [0.01, 0.0025].map(|h| ledger(petasus(), h, true, false));
     assert!(residuals[0] < 5e-6, "{residuals:?}");
     assert!(residuals[1] < residuals[0] / 8.0, "it converges: {residuals:?}");
 }

@@ -14,3 +14,4 @@ mod prescribed;
 mod rotors;
 mod stiffness;
 mod table1;
+mod trees;

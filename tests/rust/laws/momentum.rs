@@ -6,13 +6,12 @@ use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
 use super::joints::Sway;
-use crate::cases::{lossless, simulator_at, vacuum};
+use crate::cases::{branched, lossless, simulator_at, vacuum};
 use crate::random_scene::Random;
 
-/// The 11-DoF system without gravity and drag, in vacuum or in still water, and a start with momentum of both kinds.
-fn floating(water: bool, prescribed: &[usize]) -> (Scene, State) {
-    let petasus = Scene::shipped("petasus-pum").unwrap();
-    let mut scene = if water { lossless(&petasus) } else { vacuum(&petasus) };
+/// An 11-DoF system without gravity and drag, in vacuum or in still water, and a start with momentum of both kinds.
+fn floating(scene: &Scene, water: bool, prescribed: &[usize]) -> (Scene, State) {
+    let mut scene = if water { lossless(scene) } else { vacuum(scene) };
     // Soft servos that overshoot; without its added mass the arm needs less gain for as much motion.
     let share = if water { 1.0 } else { 0.8 };
     for servo in scene.joints_mut().filter_map(|joint| joint.servo.as_mut()) {
@@ -39,8 +38,8 @@ struct Run {
 }
 
 impl Run {
-    fn new(water: bool, prescribed: &[usize], h: f64, seconds: usize) -> Self {
-        let (scene, state) = floating(water, prescribed);
+    fn new(scene: &Scene, water: bool, prescribed: &[usize], h: f64, seconds: usize) -> Self {
+        let (scene, state) = floating(scene, water, prescribed);
         let sway = Sway::about(scene.home(), 5);
         let mut simulator = simulator_at(&scene, "mk4", h, &state);
         let books = |simulator: &Simulator| {
@@ -72,14 +71,18 @@ impl Run {
     }
 }
 
+fn petasus() -> Scene {
+    Scene::shipped("petasus-pum").unwrap()
+}
+
 fn is_conserved(water: bool) {
-    let run = Run::new(water, &[], 0.01, 100);
+    let run = Run::new(&petasus(), water, &[], 0.01, 100);
     assert!((0.45..0.7).contains(&run.rate), "joints move near 0.5 rad/s: {}", run.rate);
     for drift in run.drift.into_iter().chain(run.by_start) {
         assert!(drift < 1e-8, "{:?} {:?}", run.drift, run.by_start);
     }
     // A shorter run, so that four steps' drifts lie above rounding.
-    let runs: Vec<Run> = [0.02, 0.01, 0.005, 0.0025].map(|h| Run::new(water, &[], h, 20)).into();
+    let runs: Vec<Run> = [0.02, 0.01, 0.005, 0.0025].map(|h| Run::new(&petasus(), water, &[], h, 20)).into();
     for part in 0..2 {
         // Least squares over equal ratios: slopes of log2, weights -3/10, -1/10, 1/10, 3/10 per halving.
         let logs: Vec<f64> = runs.iter().map(|run| run.drift[part].log2()).collect();
@@ -92,8 +95,23 @@ fn is_conserved(water: bool) {
 /// Drives are internal forces.
 #[test]
 fn drives_of_prescribed_joints_leave_the_momentum() {
-    let run = Run::new(true, &[0, 2, 3], 1.0 / 256.0, 3);
-    assert!(run.drift.into_iter().chain(run.by_start).all(|drift| drift < 1e-9), "{:?} {:?}", run.drift, run.by_start);
+    for scene in [petasus(), branched()] {
+        let run = Run::new(&scene, true, &[0, 2, 3], 1.0 / 256.0, 3);
+        let drifts = run.drift.into_iter().chain(run.by_start);
+        assert!(drifts.into_iter().all(|drift| drift < 1e-9), "{:?} {:?}", run.drift, run.by_start);
+    }
+}
+
+#[test]
+fn momentum_of_a_tree_is_conserved_with_and_without_water() {
+    for water in [false, true] {
+        let runs = [0.01, 0.005].map(|h| Run::new(&branched(), water, &[], h, 20));
+        for part in 0..2 {
+            let [coarse, fine] = [0, 1].map(|k| runs[k].drift[part]);
+            assert!(coarse < 1e-8 && fine < coarse / 8.0, "{coarse:e} {fine:e}");
+        }
+        assert!(runs[0].rate > 0.2);
+    }
 }
 
 #[test]

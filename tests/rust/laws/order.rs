@@ -3,7 +3,7 @@
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use crate::cases::{distance, drift, tumbling};
+use crate::cases::{branched, distance, drift, tumbling, tumbling_scene};
 
 /// Simulated time, s.
 const TIME: f64 = 2.0;
@@ -18,8 +18,7 @@ struct Study {
 }
 
 impl Study {
-    fn new(quadratic: bool, steps: usize) -> Self {
-        let (scene, start) = tumbling(quadratic);
+    fn new((scene, start): (Scene, State), steps: usize) -> Self {
         let end = drift(&scene, "mk4", TIME / steps as f64, &start, steps);
         let other = drift(&scene, "rk4-normalise", TIME / steps as f64, &start, steps);
         let uncertainty = distance(&end, &other);
@@ -52,7 +51,7 @@ impl Study {
 
 #[test]
 fn every_integrator_converges_at_its_order() {
-    let study = Study::new(false, 4096);
+    let study = Study::new(tumbling(false), 4096);
     assert!(study.uncertainty < 1e-11);
     let cases = [
         ("mk4", 4.0, 0.1, 6),
@@ -71,10 +70,20 @@ fn every_integrator_converges_at_its_order() {
     }
 }
 
+#[test]
+fn integrators_keep_their_order_on_a_tree() {
+    let study = Study::new(tumbling_scene(branched(), false), 4096);
+    assert!(study.uncertainty < 1e-11);
+    for (integrator, order, first) in [("mk4", 4.0, 6), ("mk2", 2.0, 6), ("semi-implicit-euler", 1.0, 9)] {
+        let observed = study.order(integrator, first, first + 4);
+        assert!((observed - order).abs() < 0.1, "{integrator}: {observed}");
+    }
+}
+
 /// Quadratic drag v|v| has a kink at zero, where a step that straddles it is of order 2 to 3 only: the pairs jump.
 #[test]
 fn quadratic_drag_disturbs_the_order_of_every_method() {
-    let study = Study::new(true, 16384);
+    let study = Study::new(tumbling(true), 16384);
     let order = study.order("mk4", 7, 11);
     assert!((3.0..4.6).contains(&order), "{order}");
 }
