@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tree_scenes import HAND_MADE
 
 from uvms_gym import Simulator, load_scene
 from uvms_gym._scene import joints
@@ -186,13 +187,13 @@ SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
 RANDOM = ["random-fixed-loading-dry", "random-joint-loading-dry", "random-nine-joints-viscous"]
 
 
-@pytest.mark.parametrize("scene", [*SCENES, *(str(GOLDEN / f"{name}.toml") for name in RANDOM)])
+@pytest.mark.parametrize("scene", [*SCENES, *(str(GOLDEN / f"{name}.toml") for name in RANDOM), *HAND_MADE])
 def test_val_peers_have_the_same_rigid_bodies(scene: str) -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("pinocchio")
     from uvms_gym.studies.speed import mujoco_model, pinocchio_model
 
-    loaded = load_scene(scene)
+    loaded = load_scene(HAND_MADE[scene]() if scene in HAND_MADE else scene)
     found = peers.dry_difference(loaded)
     assert set(found) == {"mujoco", "pinocchio"}
     assert all(off < 1e-10 for off in found.values())

@@ -253,6 +253,28 @@ def test_every_number_of_a_scene_is_an_element_or_left_out_by_name(export: Calla
     assert not silent
 
 
+@pytest.mark.parametrize("name", ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-alpha5-pool"])
+def test_an_arm_comes_back_from_its_urdf(name: str, tmp_path: Path) -> None:
+    scene = uvms_gym.load_scene(name)
+    path = tmp_path / "robot.urdf"
+    path.write_text(export_urdf(scene))
+    frame = scene["arm"]["mount"]["frame"]
+    found = uvms_gym.import_urdf(
+        path, scene, mount=[*frame["position"], *frame["rpy"]], base="base", tip="end_effector"
+    )["arm"]
+    assert found["end_effector"] == scene["arm"]["end_effector"]
+    assert found["mount"] == scene["arm"]["mount"]
+    for link, expected in zip(found["links"], scene["arm"]["links"], strict=True):
+        assert link["name"] == expected["name"]
+        joint, own = expected["joint"], link["joint"]
+        for key in ("kind", "frame", "axis", "effort", "speed", "rotor_inertia"):
+            assert own.get(key) == joint.get(key), key
+        for table, keys in (("limits", ("lower", "upper")), ("friction", ("viscous", "coulomb"))):
+            assert [own[table][key] for key in keys] == [joint[table][key] for key in keys]
+        for key in ("mass", "center_of_mass", "inertia"):
+            np.testing.assert_array_equal(link["body"][key], expected["body"][key])
+
+
 @pytest.mark.parametrize("option", ["--mjcf", "--urdf"])
 def test_the_command_writes_a_file_and_says_what_is_left_out(
     option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -1,6 +1,5 @@
 """Dry scenes whose links branch, for comparisons with rigid-body programs."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -42,12 +41,17 @@ def scene(rng: np.random.Generator, links: list[dict[str, Any]], **arm: Any) -> 
 
 
 def random_tree(seed: int) -> dict[str, Any]:
-    """A tree of up to eight links on vehicle, base and each other, with or without base, q0 and payload."""
+    """A tree of up to twelve links on vehicle, base and each other, some fixed, with or without base, q0, payload."""
     rng = np.random.default_rng(seed)
     links: list[dict[str, Any]] = []
-    for k in range(int(rng.integers(1, 9))):
-        links.append({"name": f"link-{k}", "joint": joint(rng)})
-        links[-1]["body"] = body(rng, float(rng.uniform(1.0, 5.0)), 0.4)
+    for k in range(int(rng.integers(1, 13))):
+        carriers = ["vehicle", "base", *(link["name"] for link in links)]
+        links.append({"name": f"link-{k}", "parent": str(rng.choice(carriers)), "joint": joint(rng)})
+        if fixed := rng.random() < 0.25:
+            links[-1]["joint"] = {"kind": "fixed", "frame": joint(rng)["frame"]}
+        # A link that is fixed may be a mere frame.
+        if not fixed or rng.random() < 0.5:
+            links[-1]["body"] = body(rng, float(rng.uniform(1.0, 5.0)), 0.4)
     made = scene(rng, links)
     if rng.random() < 0.5:
         made["arm"]["base"] = body(rng, 3.0, 0.3)
@@ -90,4 +94,4 @@ def mast() -> dict[str, Any]:
     return scene(rng, [arm[0], others[0], arm[1], others[1], arm[2]])
 
 
-HAND_MADE: dict[str, Callable[[], dict[str, Any]]] = {}
+HAND_MADE = {"two arms": two_arms, "gripper": gripper, "mast": mast}
