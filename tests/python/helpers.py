@@ -17,7 +17,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uvms_gym
-from uvms_gym import MLP, PD, PID, Simulator, load_scene
+from uvms_gym import MLP, PD, PID, Simulator, _scene, load_scene
 from uvms_gym.controllers import NoControl
 
 PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration", "thrust")
@@ -100,16 +100,9 @@ def moving(scene: str | dict[str, Any], num_envs: int = 3, seed: int = 0, **opti
     return simulator
 
 
-def bodies(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
     """Every body of a scene."""
-    yield scene["vehicle"]["body"]
-    arm = scene.get("arm", {})
-    if arm.get("base"):
-        yield arm["base"]
-    for link in arm.get("links", []):
-        yield link["body"]
-    if scene.get("payload"):
-        yield scene["payload"]["body"]
+    return [body for _, body in _scene.bodies(scene)]
 
 
 def fixed_base() -> dict[str, Any]:

@@ -37,6 +37,7 @@ def complete() -> dict[str, Any]:
     scene = load_scene("bluerov2-heavy-alpha5")
     links = scene["arm"]["links"]
     scene["arm"]["base"] = links[0]["body"] | {"mass": 0.4}
+    links.append({"name": "camera", "parent": "vehicle", "joint": {"kind": "fixed"}})
     scene["payload"] = {"body": links[1]["body"] | {"mass": 0.3}}
     scene["provenance"] = {}
     for body in bodies(scene):

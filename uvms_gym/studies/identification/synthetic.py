@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uvms_gym import Log, Simulator, load_scene
 from uvms_gym import _rotations as rotations
+from uvms_gym._scene import joints
 from uvms_gym.identification.parameters import Parameter, apply
 from uvms_gym.identification.replay import equilibrium
 from uvms_gym.logs import Imu, Joints, Pose, Thrusters, Twist
@@ -59,13 +60,12 @@ def draw_truth(
 
 def arm_motion(scene: dict[str, Any], periods: int, rng: np.random.Generator) -> Floats:
     """(periods, joints, 4) cubics of joints that move between random positions, at rest in between."""
-    simulator = Simulator(scene)
-    joints = [link["joint"] for link in scene.get("arm", {}).get("links", [])]
+    simulator, tables = Simulator(scene), joints(scene)
     time = PERIOD * np.arange(periods + 1)
     q = np.empty((periods + 1, simulator.num_joints))
     qd = np.zeros_like(q)
     for k in range(simulator.num_joints):
-        limits = joints[k].get("limits") or {}
+        limits = tables[k].get("limits") or {}
         low, high = limits.get("lower", -1.5), limits.get("upper", 1.5)
         at, now = float(rng.uniform(low, high)), float(rng.uniform(0.5, 2.0))
         q[:, k] = at

@@ -94,7 +94,7 @@ def _link_bodies(scene: Table) -> Iterator[Table]:
     arm = scene.get("arm", {})
     if arm.get("base") and "joint" in arm["mount"]:
         yield arm["base"]
-    yield from (link["body"] for link in arm.get("links", []))
+    yield from (link["body"] for link in arm.get("links", []) if link.get("body"))
     if scene.get("payload") and joints(scene):
         yield scene["payload"]["body"]
 
