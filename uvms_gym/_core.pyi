@@ -79,8 +79,11 @@ def scene_names() -> list[str]:
 def vehicle_terms() -> list[tuple[str, str]]:
     """Terms of a vehicle beyond its body and thrusters: key in the vehicle's table, and a note for reports."""
 
-def load_scene(scene: _Scene) -> dict[str, Any]:
-    """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units."""
+def load_scene(scene: _Scene, *, end_effector: str | None = None) -> dict[str, Any]:
+    """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units.
+
+    `end_effector` is the name of the end effector to use.
+    """
 
 def disturbance_levels() -> list[tuple[str, str, str]]:
     """Levels of disturbances: name, description, and the components as JSON."""
@@ -169,6 +172,7 @@ class Simulator:
         tolerance: float = 1e-8,
         prescribed_joints: bool | Sequence[str | int] = False,
         parameters: Mapping[str, ArrayLike] | None = None,
+        end_effector: str | None = None,
         error_estimate: bool | None = None,
     ) -> Simulator: ...
     def error_estimate(self) -> dict[str, NDArray[Any]]:
@@ -209,6 +213,8 @@ class Simulator:
     """Names of the joints, in the order of every joint array."""
     body_names: Final[list[str]]
     """Names of the moving bodies, "vehicle" first."""
+    end_effector_names: Final[list[str]]
+    """Names of the end effectors; "default" is the scene's own where it has no other name."""
     thruster_names: Final[list[str]]
     """Names of the thrusters."""
     thruster_limits: Final[_Floats]
@@ -309,10 +315,10 @@ class Simulator:
         """Momentum by terms: rigid, added, total (N, 6); rigid_scale, total_scale (N, 2)."""
     def body_poses(self) -> _Floats:
         """(N, n + 1, 4, 4) poses of the moving bodies in the world."""
-    def end_effector_pose(self) -> _Floats:
-        """(N, 4, 4) pose of the end effector in the world."""
-    def jacobian(self) -> _Floats:
-        """(N, 6, 6 + n) absolute body twist of the end effector per [V; q']. [MLS94]"""
+    def end_effector_pose(self, name: str | None = None) -> _Floats:
+        """(N, 4, 4) pose in the world of the end effector in use, or of this name."""
+    def jacobian(self, name: str | None = None) -> _Floats:
+        """(N, 6, 6 + n) absolute body twist of the end effector in use, or of this name, per [V; q']. [MLS94]"""
     def inverse_dynamics(
         self, acceleration: ArrayLike, *, thrust: _Rows = None, external: _Rows = None
     ) -> tuple[_Floats, _Floats]:

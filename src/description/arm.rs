@@ -1,9 +1,11 @@
 //! The arm: revolute and prismatic joints, in a chain or branching.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{BASE, Body, Frame, LinearActuator, VEHICLE};
+use super::{BASE, Body, EndEffectorFrame, Frame, LinearActuator, VEHICLE};
 use crate::keys::numbers;
 
 /// An arm on the vehicle: a chain of links, or a tree.
@@ -20,12 +22,12 @@ pub struct Arm {
     /// Links from the base outward, each after its parent.
     #[serde(default)]
     pub links: Vec<Link>,
-    /// Link that carries the end effector; the last if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tip: Option<String>,
-    /// End-effector frame in the tip's frame.
+    /// The end effector that tasks, controllers, planning and disturbances use.
     #[serde(default)]
-    pub end_effector: Frame,
+    pub end_effector: EndEffectorFrame,
+    /// End effectors by name, from which [`Scene::with_end_effector`](super::Scene::with_end_effector) chooses.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub end_effectors: BTreeMap<String, EndEffectorFrame>,
 }
 
 /// Body that carries a link.
@@ -58,9 +60,9 @@ impl Arm {
         }
     }
 
-    /// Body that carries the end effector; none if `tip` names none.
-    pub fn tip(&self) -> Option<Parent> {
-        match (&self.tip, self.links.len()) {
+    /// Body that carries an end effector, by default the last link or the base; none if `on` names no body.
+    pub fn carrier(&self, end_effector: &EndEffectorFrame) -> Option<Parent> {
+        match (&end_effector.on, self.links.len()) {
             (Some(name), count) => self.body(name, count),
             (None, 0) => Some(Parent::Base),
             (None, count) => Some(Parent::Link(count - 1)),

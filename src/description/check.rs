@@ -161,6 +161,9 @@ impl Scene {
         self.validate_vehicle()?;
         self.validate_arm()?;
         self.integration.iter().try_for_each(Integration::check)?;
+        if let Some(on) = self.payload.as_ref().and_then(|payload| payload.on.as_ref()) {
+            self.check_end_effector(on, "payload.on")?;
+        }
         self.provenance.check(&tree)?;
 
         let mut warnings = Vec::new();
@@ -202,6 +205,10 @@ impl Scene {
             return Err(Fault::new("arm.links", Problem::TooMany { found: arm.links.len(), max: MAX_LINKS }));
         }
         check_names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
+        if let Some(name) = arm.end_effectors.keys().find(|name| name.is_empty() || name.contains(['.', '[', ']'])) {
+            let reason = "invalid: it must have a character, and dots and brackets are part of the syntax of keys";
+            return Err(Fault::new("arm.end_effectors", Problem::Name { name: name.clone(), reason }));
+        }
         if arm.mount.joint.is_some() && arm.base.is_none() {
             return Err(Fault::new("arm.base", Problem::MasslessBase));
         }
@@ -225,8 +232,11 @@ impl Scene {
                 return Err(no_body(arm, i, parent, format!("arm.links[{i}].parent")));
             }
         }
-        if let (Some(tip), None) = (&arm.tip, arm.tip()) {
-            return Err(no_body(arm, arm.links.len(), tip, "arm.tip".to_owned()));
+        let named = arm.end_effectors.iter().map(|(name, of)| (format!("arm.end_effectors.{name}"), of));
+        for (key, end_effector) in std::iter::once(("arm.end_effector".to_owned(), &arm.end_effector)).chain(named) {
+            if let (Some(on), None) = (&end_effector.on, arm.carrier(end_effector)) {
+                return Err(no_body(arm, arm.links.len(), on, format!("{key}.on")));
+            }
         }
         self.joints().zip(self.joint_keys()).try_for_each(|(q, key)| joint(q, &key))
     }

@@ -11,6 +11,7 @@ mod check;
 mod check_body;
 mod derived;
 mod editor;
+mod end_effector;
 mod fault;
 mod integration;
 pub mod path;
@@ -29,6 +30,7 @@ pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mo
 pub use body::{Body, Damping, Frame, InertiaPoint};
 pub use derived::{BASE, MAX_JOINTS, MAX_LINKS, VEHICLE};
 pub use editor::SceneEditor;
+pub use end_effector::{DEFAULT_END_EFFECTOR, EndEffectorFrame};
 pub use integration::Integration;
 pub use provenance::{Origin, Provenance};
 pub use read::{file_value, parse_toml, read_file, read_value};

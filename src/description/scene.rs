@@ -22,7 +22,7 @@ pub struct Scene {
     pub vehicle: Vehicle,
     /// The arm, if any.
     pub arm: Option<Arm>,
-    /// Payload fixed to the end effector (to the vehicle if there is no arm).
+    /// Payload fixed to an end effector (to the vehicle if there is no arm).
     pub payload: Option<Payload>,
     /// Integrator and step that its motion needs, where they are stated.
     pub integration: Option<Integration>,
@@ -45,10 +45,13 @@ pub struct Water {
     pub current: Vector3<f64>,
 }
 
-/// Payload at the end effector.
+/// Payload at an end effector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Payload {
+    /// End effector that carries it; `arm.end_effector` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<String>,
     /// Payload frame in the end-effector frame.
     #[serde(default)]
     pub frame: Frame,
@@ -79,9 +82,15 @@ impl Scene {
         scene
     }
 
-    /// Adds a point mass at the end effector.
+    /// Adds a point mass at the end effector in use.
     fn carry(&mut self, mass: f64) {
-        let payload = self.payload.get_or_insert_with(|| Payload { frame: Frame::default(), body: Body::point(0.0) });
+        if let (Some(arm), Some(payload)) = (&mut self.arm, &self.payload)
+            && !arm.coincide(arm.payload_end_effector(payload), &arm.end_effector)
+        {
+            return arm.attach(Body::point(mass));
+        }
+        let payload =
+            self.payload.get_or_insert_with(|| Payload { on: None, frame: Frame::default(), body: Body::point(0.0) });
         let (at, body) = (-(payload.frame.rotation().transpose() * payload.frame.position), &mut payload.body);
         let total = body.mass + mass;
         let offset = (at - body.center_of_mass).cross_matrix();

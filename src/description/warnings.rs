@@ -126,20 +126,23 @@ impl Scene {
     /// Links whose mass does not lie on the way to the next joint: mostly given in other axes than the joint's.
     fn lint_arm(&self, warnings: &mut Vec<SceneWarning>) {
         let Some(arm) = &self.arm else { return };
+        let end_effectors: Vec<_> = std::iter::once(&arm.end_effector).chain(arm.end_effectors.values()).collect();
         for (i, link) in arm.links.iter().enumerate() {
             let this = Some(Parent::Link(i));
             let on_it = (i + 1..arm.links.len()).find(|&k| arm.parent(k) == this);
             let next = match on_it {
-                Some(k) => &arm.links[k].joint.frame,
-                None if arm.tip() == this => &arm.end_effector,
-                None => continue,
+                Some(k) => arm.links[k].joint.frame.position,
+                None => match end_effectors.iter().find(|of| arm.carrier(of) == this) {
+                    Some(end_effector) => end_effector.position,
+                    None => continue,
+                },
             };
             let Some(body) = &link.body else { continue };
-            let length = next.position.norm();
+            let length = next.norm();
             if length == 0.0 || body.mass == 0.0 {
                 continue;
             }
-            let way = next.position / length;
+            let way = next / length;
             let key = |field: &str| format!("arm.links[{i}].body.{field} ({})", link.name);
             let along = body.center_of_mass.dot(&way);
             if along < -BEHIND * length {

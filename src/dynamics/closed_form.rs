@@ -70,7 +70,8 @@ pub struct Residual {
 /// `equations` holds M, C, W and L, with columns of W for every body, those fixed to another one included.
 #[derive(Debug, Clone)]
 pub struct ClosedForm<'a> {
-    pub(super) model: &'a ClosedFormModel,
+    /// Composed model of the scene.
+    pub model: &'a ClosedFormModel,
     pub(super) equations: Equations<'a>,
     /// Indices of the moving bodies in `equations`: the vehicle, and one per joint.
     pub(super) moving: Vec<usize>,

@@ -1,11 +1,13 @@
 //! Composed model of a scene: vehicle, arm and payload, loaded on each other. `[HC eqs. 28-34]`
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::closed_form::ClosedForm;
 use super::dense::{DenseBody, DensePose};
 use super::dynamical_balance::Composite;
-use crate::description::{Body, Parent, Scene, Vehicle};
+use crate::description::{Body, DEFAULT_END_EFFECTOR, EndEffectorFrame, Parent, Scene, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 
@@ -22,9 +24,14 @@ pub struct ClosedFormModel {
     pub vehicle: Vehicle,
     pub(super) density: f64,
     pub(super) gravity: Vector3<f64>,
-    /// Body of `system` that carries the end effector, and the end effector in its frame.
-    pub(super) end_effector: (usize, DensePose),
+    /// The end effector in use.
+    pub(super) end_effector: BodyFrame,
+    /// End effectors by name.
+    end_effectors: BTreeMap<String, BodyFrame>,
 }
+
+/// A body of [`ClosedFormModel::system`], and a frame on it, relative to the body's frame.
+pub type BodyFrame = (usize, DensePose);
 
 impl ClosedFormModel {
     /// Composes vehicle, arm and payload of a scene.
@@ -35,6 +42,8 @@ impl ClosedFormModel {
         let rigid = |body: &Body| Composite::rigid_body(DenseBody::new(body, &scene.water));
         let mut system = rigid(&scene.vehicle.body);
         let mut end_effector = (0, DensePose::identity());
+        let mut grip = end_effector;
+        let mut end_effectors = BTreeMap::from([(DEFAULT_END_EFFECTOR.to_owned(), end_effector)]);
         if let Some(arm) = &scene.arm {
             let mount = DensePose::from_frame(&arm.mount.frame);
             // Without a body the base is a mere frame.
@@ -57,10 +66,15 @@ impl ClosedFormModel {
                     system.fixed_loading(at, DensePose::from_frame(&link.joint.frame), own)
                 };
             }
-            end_effector = (body(arm.tip()), DensePose::from_frame(&arm.end_effector));
+            let on = |of: &EndEffectorFrame| (body(arm.carrier(of)), DensePose::from_frame(&of.frame()));
+            let names = scene.end_effector_names().into_iter();
+            end_effectors =
+                names.filter_map(|name| arm.end_effector_named(&name).map(on).map(|of| (name, of))).collect();
+            end_effector = on(&arm.end_effector);
+            grip = scene.payload.as_ref().map_or(end_effector, |payload| on(arm.payload_end_effector(payload)));
         }
         if let Some(payload) = &scene.payload {
-            let (at, frame) = end_effector;
+            let (at, frame) = grip;
             system = system.fixed_loading(at, frame * DensePose::from_frame(&payload.frame), rigid(&payload.body));
         }
         if system.joints() > JOINTS {
@@ -75,7 +89,19 @@ impl ClosedFormModel {
             density: scene.water.density,
             gravity: scene.water.gravity,
             end_effector,
+            end_effectors,
         })
+    }
+
+    /// End effector of this name; by default the end effector in use.
+    ///
+    /// # Errors
+    /// [`DynamicsError::EndEffector`] for an unknown name.
+    pub fn end_effector(&self, name: Option<&str>) -> Result<BodyFrame, DynamicsError> {
+        let Some(name) = name else { return Ok(self.end_effector) };
+        let known = || self.end_effectors.keys().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+        let unknown = || DynamicsError::EndEffector { name: name.to_owned(), known: known() };
+        self.end_effectors.get(name).copied().ok_or_else(unknown)
     }
 
     /// Closed form at `state` in a flow of the water or a steady current (world axes, m/s).

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6xX, Vector6};
 
 use super::closed_form::ClosedForm;
+use super::closed_form_model::BodyFrame;
 use super::dense::DensePose;
 
 impl ClosedForm<'_> {
@@ -16,15 +17,23 @@ impl ClosedForm<'_> {
         self.moving.iter().map(|&k| self.equations.bodies[k].twist).collect()
     }
 
-    /// Pose of the end effector in the world: on the last link, else on the arm's base, else the vehicle's pose.
-    pub fn end_effector_pose(&self) -> DensePose {
-        let (carrier, end_effector) = self.model.end_effector;
-        self.world_pose(carrier) * end_effector
+    /// Pose in the world of a frame on a body.
+    pub fn pose_of(&self, (carrier, frame): BodyFrame) -> DensePose {
+        self.world_pose(carrier) * frame
     }
 
-    /// End-effector body twist per `[V; q']`, (6, 6+n). `[MLS94]`
+    /// Body twist of a frame on a body per `[V; q']`, (6, 6+n). `[MLS94]`
+    pub fn jacobian_of(&self, (carrier, frame): BodyFrame) -> Matrix6xX<f64> {
+        frame.adjoint_inverse() * self.equations.body_jacobian(carrier)
+    }
+
+    /// Pose of the end effector in use in the world; the vehicle's pose without an arm.
+    pub fn end_effector_pose(&self) -> DensePose {
+        self.pose_of(self.model.end_effector)
+    }
+
+    /// Jacobian of the end effector in use.
     pub fn jacobian(&self) -> Matrix6xX<f64> {
-        let (carrier, end_effector) = self.model.end_effector;
-        end_effector.adjoint_inverse() * self.equations.body_jacobian(carrier)
+        self.jacobian_of(self.model.end_effector)
     }
 }

@@ -38,7 +38,7 @@ mod momentum;
 mod rnea;
 
 pub use closed_form::{BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
-pub use closed_form_model::ClosedFormModel;
+pub use closed_form_model::{BodyFrame, ClosedFormModel};
 pub use composite_body::CompositeBody;
 pub use dynamical_balance::{BodyMotion, Composite, Equations};
 pub use energy::{Energy, Power, relative_to_water};

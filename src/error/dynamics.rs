@@ -9,6 +9,9 @@ pub enum DynamicsError {
     /// Array of the wrong length.
     #[error("{what} has {got} entries, but must have {expected}")]
     Length { what: &'static str, expected: usize, got: usize },
+    /// Name that is no end effector's.
+    #[error("no end effector \"{name}\"; the scene has {known}")]
+    EndEffector { name: String, known: String },
     /// More joints than a state holds.
     #[error("{joints} joints, but at most {max} are supported")]
     Joints { joints: usize, max: usize },

@@ -37,6 +37,9 @@ pub enum Problem {
     /// Name of a body that does not come before.
     #[error("is \"{value}\", but must be one of the bodies before it: {expected}")]
     NoSuchBody { value: String, expected: String },
+    /// Name that is no end effector's.
+    #[error("is \"{value}\", but must be one of the end effectors: {expected}")]
+    NoSuchEndEffector { value: String, expected: String },
     /// Wrong type or wrong length.
     #[error("{reason}; the value is {value}")]
     Form { reason: String, value: String },

@@ -275,23 +275,50 @@ impl Simulator {
         Self::every(slf, |n| [n + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
     }
 
-    /// Pose of the end effector in the world; of the vehicle if there is no arm.
+    /// Pose of an end effector in the world; of the vehicle if there is no arm.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str, optional
+    ///     One of `end_effector_names`; by default the end effector in use.
     ///
     /// Returns
     /// -------
     /// numpy.ndarray (N, 4, 4)
     ///     Homogeneous matrices, end effector to world, m.
-    fn end_effector_pose<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        Self::every(slf, |_| [4, 4], |form| pose_rows(&form.end_effector_pose()))
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     The scene has no end effector of this name; the message lists the names.
+    #[pyo3(signature = (name=None))]
+    fn end_effector_pose<'py>(&self, py: Python<'py>, name: Option<&str>) -> PyResult<Array<'py>> {
+        let pose = |_, form: &ClosedForm| Ok([pose_rows(&form.pose_of(form.model.end_effector(name)?))]);
+        self.each(py, [&[4, 4]], pose).map(|[array]| array)
     }
 
-    /// Body Jacobian of the end effector: its absolute body twist per [V; q']. [MLS94]
+    /// Body Jacobian of an end effector: its absolute body twist per [V; q']. [MLS94]
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str, optional
+    ///     One of `end_effector_names`; by default the end effector in use.
     ///
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6, 6 + n)
-    fn jacobian<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        Self::every(slf, |n| [6, 6 + n], |form| form.jacobian().transpose().as_slice().to_vec())
+    ///     Rows are [v; omega] in the axes of the end effector.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     The scene has no end effector of this name; the message lists the names.
+    #[pyo3(signature = (name=None))]
+    fn jacobian<'py>(&self, py: Python<'py>, name: Option<&str>) -> PyResult<Array<'py>> {
+        let rows = |_, form: &ClosedForm| {
+            Ok([form.jacobian_of(form.model.end_effector(name)?).transpose().as_slice().to_vec()])
+        };
+        self.each(py, [&[6, 6 + self.inner.joints()]], rows).map(|[array]| array)
     }
 
     /// Equations of motion in Fossen's form, `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`. [F21 sections 6.3, 10.3]

@@ -42,6 +42,9 @@ pub fn vehicle_terms() -> Vec<(&'static str, &'static str)> {
 /// scene : str, os.PathLike or dict
 ///     Name of a shipped scene (see `scene_names`), path of a TOML file, or a dict of the same form. Vectors and matrices
 ///     in a dict may be NumPy arrays. Tables that state `axes = "ned"` are in Fossen's body axes (z down) and are converted.
+/// end_effector : str, optional
+///     Name of the end effector to use in place of `arm.end_effector`, one of `[arm.end_effectors]`. The end effector of
+///     before keeps a name, "default" if it has none, and a payload stays where it is.
 ///
 /// Returns
 /// -------
@@ -54,8 +57,15 @@ pub fn vehicle_terms() -> Vec<(&'static str, &'static str)> {
 /// SceneError
 ///     The scene cannot be read, or no physical system can be like that. The message names file, key and value.
 #[pyfunction]
-pub fn load_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    to_python(&read(scene)?, scene.py())
+#[pyo3(signature = (scene, *, end_effector=None))]
+pub fn load_scene<'py>(scene: &Bound<'py, PyAny>, end_effector: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
+    to_python(&read_with(scene, end_effector)?, scene.py())
+}
+
+/// The scene that an argument means, with the end effector of this name in use.
+fn read_with(given: &Bound<'_, PyAny>, end_effector: Option<&str>) -> PyResult<Scene> {
+    let scene = read(given)?;
+    end_effector.map_or(Ok(scene.clone()), |name| scene.with_end_effector(name)).or_raise()
 }
 
 /// The scene that an argument means.
@@ -80,19 +90,24 @@ pub fn read_with_warnings(given: &Bound<'_, PyAny>) -> PyResult<(Scene, Vec<Scen
     Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {}", kind(given)?)))
 }
 
-/// The scene that an argument means for all instances, or those that a list means for each, with `parameters` by keys.
+/// The scene that an argument means for all instances, or those that a list means for each, with `parameters` by keys and
+/// the end effector of this name in use.
 pub fn read_each(
     given: &Bound<'_, PyAny>,
     instances: Option<usize>,
     parameters: Option<&Bound<'_, PyDict>>,
+    end_effector: Option<&str>,
 ) -> PyResult<Vec<Scene>> {
     let each = |item: PyResult<Bound<'_, PyAny>>| {
         given.py().check_signals()?;
-        read(&item?)
+        read_with(&item?, end_effector)
     };
     let list = given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>();
-    let scenes: Vec<Scene> =
-        if list { given.try_iter()?.map(each).collect::<PyResult<_>>()? } else { vec![read(given)?] };
+    let scenes: Vec<Scene> = if list {
+        given.try_iter()?.map(each).collect::<PyResult<_>>()?
+    } else {
+        vec![read_with(given, end_effector)?]
+    };
     let Some(parameters) = parameters.filter(|parameters| !parameters.is_empty()) else { return Ok(scenes) };
     let mut columns = Vec::new();
     let mut count = if list { Some(scenes.len()) } else { instances };

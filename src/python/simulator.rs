@@ -51,6 +51,9 @@ use uvms_gym::limits::memory;
 /// prescribed_joints : bool or sequence of str or int
 ///     Joints, by name or index, that follow `joint_target` of `step` exactly instead of by a servo (True: all of them), in
 ///     addition to joints that the scene prescribes (`joint.prescribed`).
+/// end_effector : str, optional
+///     Name of the end effector in use, one of `end_effector_names`: pose, Jacobian, planning, tasks, payloads of
+///     `scale_parameters` and estimated errors concern it. None: the scene's `arm.end_effector`.
 /// error_estimate : bool or None
 ///     True to estimate the errors of integration that have accumulated, of every instance at every step: see the method
 ///     `error_estimate`. A call of `step` then takes 3.3 times as long, 5.5 times in float32. None: errors are
@@ -132,9 +135,9 @@ impl Simulator {
     #[pyo3(
         signature = (
             scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None,
-            prescribed_joints=None, parameters=None, error_estimate=None
+            prescribed_joints=None, parameters=None, end_effector=None, error_estimate=None
         ),
-        text_signature = "(scene, num_envs=None, *, dt=None, integrator=None, dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False, parameters=None, error_estimate=None)"
+        text_signature = "(scene, num_envs=None, *, dt=None, integrator=None, dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False, parameters=None, end_effector=None, error_estimate=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -149,10 +152,11 @@ impl Simulator {
         tolerance: Given,
         prescribed_joints: Given,
         parameters: Option<&Bound<'_, PyDict>>,
+        end_effector: Option<&str>,
         error_estimate: Option<bool>,
     ) -> PyResult<Self> {
         let num_envs = num_envs.filter(|n| !n.is_none()).map(|n| count("num_envs", n)).transpose()?;
-        let mut scenes = scene::read_each(scene, num_envs, parameters)?;
+        let mut scenes = scene::read_each(scene, num_envs, parameters, end_effector)?;
         if let Some(given) = prescribed_joints {
             scenes.iter_mut().try_for_each(|scene| prescribe(scene, given))?;
         }
@@ -270,6 +274,12 @@ impl Simulator {
     #[getter]
     fn body_names(&self) -> Vec<String> {
         self.inner.scene().body_names()
+    }
+
+    /// list of str: names of the end effectors; "default" is the scene's `arm.end_effector` where it has no other name.
+    #[getter]
+    fn end_effector_names(&self) -> Vec<String> {
+        self.inner.scene().end_effector_names()
     }
 
     /// list of str: names of the thrusters.

@@ -51,7 +51,7 @@ pub fn task_defaults<'py>(py: Python<'py>, task: &str) -> PyResult<Bound<'py, Py
     let options = TaskOptions::of(task).or_raise()?;
     let values = scene::object(&options.to_value().or_raise()?, py)?;
     let values = values.cast_into::<PyDict>()?;
-    for absent in ["disturbance", "randomize", "thruster_lag"] {
+    for absent in ["disturbance", "randomize", "thruster_lag", "end_effector"] {
         values.set_item(absent, py.None())?;
     }
     Ok(values)

@@ -75,7 +75,8 @@ impl ArmModel {
             }
         }
         let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
-        let (tip, tip_link, count) = (EndEffector::new(scene), entry(arm.tip()), 1 + scene.joints().count());
+        let (tip, tip_link, count) =
+            (EndEffector::new(scene), entry(arm.carrier(&arm.end_effector)), 1 + scene.joints().count());
         let mut this = Self { links, tip, tip_link, bodies: count, payload };
         // Lengths of links depend on prismatic joints only.
         let (points, end) = this.points(&scene.home());

@@ -5,7 +5,7 @@ use super::factors::UnscaledBodyTerms;
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, placed, pose, tidy, vector};
 use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
-use crate::description::{Joint, LinearActuator, Parent, Scene, Vehicle};
+use crate::description::{EndEffectorFrame, Joint, LinearActuator, Parent, Scene, Vehicle};
 use crate::lane::Shared;
 use crate::lie::Pose;
 
@@ -38,7 +38,7 @@ pub fn compile(scene: &Scene) -> Compiled {
     let mut carriers: Vec<Option<usize>> = Vec::new();
     // Of the arm's base and the links.
     let mut places: Vec<Place> = Vec::new();
-    let (mut tip, mut exact_tip) = (Place::default(), Pose::identity());
+    let (mut tip, mut exact_tip, mut grip) = (Place::default(), Pose::identity(), Place::default());
 
     if let Some(arm) = &scene.arm {
         let mount = pose(&arm.mount.frame);
@@ -80,14 +80,18 @@ pub fn compile(scene: &Scene) -> Compiled {
                 parts.extend(link.body.iter().map(|body| Part::of(body, at, water)));
             }
         }
-        tip = place(arm.tip(), &places);
-        exact_tip = tip.of(placed(&arm.end_effector));
-        tip.frame = Some(tip.of(pose(&arm.end_effector)));
+        let end = |of: &EndEffectorFrame| {
+            let carrier = place(arm.carrier(of), &places);
+            Place { joint: carrier.joint, frame: Some(carrier.of(pose(&of.frame()))) }
+        };
+        exact_tip = place(arm.carrier(&arm.end_effector), &places).of(placed(&arm.end_effector.frame()));
+        tip = end(&arm.end_effector);
+        grip = scene.payload.as_ref().map_or(tip, |payload| end(arm.payload_end_effector(payload)));
     }
     let (tip, tip_carrier) = (tip.frame.unwrap_or_else(Pose::identity), tip.joint);
     if let Some(payload) = &scene.payload {
-        let parts = tip_carrier.map_or(&mut vehicle, |k| &mut moving[k].1);
-        parts.push(Part::of(&payload.body, tip.times(&pose(&payload.frame)), water));
+        let parts = grip.joint.map_or(&mut vehicle, |k| &mut moving[k].1);
+        parts.push(Part::of(&payload.body, grip.of(pose(&payload.frame)), water));
     }
 
     let lines: Vec<Line> = moving

@@ -47,7 +47,11 @@ pub fn structural_difference(one: &Compiled, other: &Compiled, joints: &[String]
         ("vehicle.servo", a.vehicle_servo != b.vehicle_servo, entries),
         ("vehicle.thrusters", a.thrusters != b.thrusters, entries),
         ("inertia, added_mass", a.sparse != b.sparse, "which products are 0"),
-        ("arm.end_effector", on_axes(one) != on_axes(other), "which coordinates in the last joint's frame are 0"),
+        (
+            "arm.end_effector",
+            on_axes(one) != on_axes(other),
+            "which coordinates in the frame of the joint that carries it are 0",
+        ),
     ];
     let difference = first("vehicle.fixed", &[("", a.fixed != b.fixed, "its value")])
         .or_else(|| {

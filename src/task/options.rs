@@ -34,6 +34,9 @@ settings! {
         /// Time constant of all thrusters, s, in place of the scene's.
         #[serde(skip_serializing_if = "Option::is_none")]
         thruster_lag: Option<f64> = None;
+        /// Name of the end effector in use, in place of the scene's `arm.end_effector`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        end_effector: Option<String> = None;
         /// Maximum initial distance from the target, m.
         start_distance: f64 = 0.05;
         /// Maximum initial attitude error, rad.

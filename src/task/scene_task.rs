@@ -47,10 +47,13 @@ impl Task {
     ///
     /// # Errors
     /// `TaskError`: a vehicle that is fixed, has no thrusters or (for wrench actions) no axis they can push along, a
-    /// joint without a servo, or an option out of its range.
+    /// joint without a servo, an unknown end effector, or an option out of its range.
     pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check_all()?;
-        let scene = scene.clone();
+        let scene = match &options.end_effector {
+            Some(name) => scene.with_end_effector(name).map_err(|error| TaskError::Options(error.to_string()))?,
+            None => scene.clone(),
+        };
         dispatch_task!(&options.task, K, task => Self::with_definition::<K>(scene, task.clone(), options))
     }
 

@@ -1,5 +1,6 @@
 //! Import of an arm from a URDF file onto the vehicle of a scene.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -10,8 +11,8 @@ use super::element::Result;
 use super::file::{JointType, Robot, UrdfJoint};
 use super::links::Part;
 use crate::description::{
-    Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_JOINTS, Mount, Scene,
-    VEHICLE, read_file,
+    Arm, BASE, Body, EndEffectorFrame, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_JOINTS,
+    Mount, Scene, VEHICLE, read_file,
 };
 use crate::estimate::{Estimate, Outline};
 
@@ -75,8 +76,8 @@ impl Import<'_> {
             mount: Mount { frame: self.mount.clone(), joint: None },
             base: None,
             links: Vec::new(),
-            tip: None,
-            end_effector: Frame::default(),
+            end_effector: EndEffectorFrame::default(),
+            end_effectors: BTreeMap::new(),
         };
         let mut formulas = Vec::new();
         notes.extend(part.notes.iter().cloned());
@@ -113,7 +114,7 @@ impl Import<'_> {
                 format!("{} moving joints from base to tip, but at most {MAX_JOINTS} are allowed", arm.links.len());
             return robot.fault(1, "<robot>", problem);
         }
-        arm.end_effector = tip.unwrap_or_default();
+        arm.end_effector = tip.unwrap_or_default().into();
         tune(&mut arm.links);
         for (key, how) in formulas {
             for (below, formula) in how {

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use uvms_gym::description::{
-    Arm, Body, Damping, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits, JointServo, Link,
-    Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
+    Arm, Body, Damping, EndEffectorFrame, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits,
+    JointServo, Link, Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
 };
 use uvms_gym::system::State;
 
@@ -218,7 +218,10 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         k => Some(format!("link-{}", k - 2)),
     };
     let parents: Vec<_> = (0..links).map(&mut body).collect();
-    let tip = body(links);
+    let on = body(links);
+    let carriers: Vec<_> = ["left", "right"].into_iter().map(|name| (name, body(links))).collect();
+    let mut frames = Random::new(seed ^ 0xEEF);
+    let mut named = |on| EndEffectorFrame { on, ..frames.frame(0.3).into() };
     let mut arm = Arm {
         name: "random arm".into(),
         mount: Mount { frame: random.frame(0.4), joint: q0.then(|| random.joint(0.1, forces)) },
@@ -231,8 +234,8 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
                 body: Some(random.body(4.0, 0.4, dry)),
             })
             .collect(),
-        tip,
-        end_effector: random.frame(0.3),
+        end_effector: EndEffectorFrame { on, ..random.frame(0.3).into() },
+        end_effectors: carriers.into_iter().map(|(name, on)| (name.to_owned(), named(on))).collect(),
     };
     // Fixed links, on which links may start.
     for k in 0..if branching { places.bits() % 3 } else { 0 } {
@@ -243,13 +246,19 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         let joint = Joint::fixed(places.frame(0.3));
         arm.links.insert(at, Link { name: format!("fixed-{k}"), parent: Some(parent), joint, body });
     }
+    let has_arm = links > 0 || has_base;
+    let grip = [None, Some("left"), Some("right")][if branching && has_arm { places.bits() as usize % 3 } else { 0 }];
     let scene = Scene {
         name: format!("random-{seed}"),
         summary: String::new(),
         water,
         vehicle,
-        arm: (links > 0 || has_base).then_some(arm),
-        payload: payload.then(|| Payload { frame: random.frame(0.1), body: random.body(2.0, 0.3, dry) }),
+        arm: has_arm.then_some(arm),
+        payload: payload.then(|| Payload {
+            on: grip.map(str::to_owned),
+            frame: random.frame(0.1),
+            body: random.body(2.0, 0.3, dry),
+        }),
         integration: None,
         provenance: Provenance::default(),
     };

@@ -107,6 +107,9 @@ class TaskOptions:
         References, observations and rewards use the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], instead of the scene's.
+    end_effector : str or None
+        Name of the end effector that follows references, is measured and carries the payloads of disturbances, instead
+        of the scene's `arm.end_effector`; see `[arm.end_effectors]` in scenes.
     reward : dict or None
         Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
         tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the s in ln(1 + (p / s)^2), > 0. This term is
@@ -151,6 +154,7 @@ class TaskOptions:
     disturbance: Disturbance | None = None
     randomize: Randomize | None = None
     thruster_lag: float | None = None
+    end_effector: str | None = None
     reward: RewardWeights | None = None
     tolerance: Tolerance | None = None
     residual_scale: float = 0.3
@@ -171,6 +175,8 @@ class TaskOptions:
                 raise TypeError(f"integrator is {value!r}, but must be a string or None")
             if isinstance(default, str) and name != "scene" and not isinstance(value, str):
                 raise TypeError(f"{name} is {value!r}, but must be a string")
+            if name == "end_effector" and not isinstance(value, str | None):
+                raise TypeError(f"{name} is {value!r}, but must be a string or None")
             if isinstance(default, bool) and not isinstance(value, (bool, np.bool_)):
                 raise TypeError(f"{name} is {value!r}, but must be True or False")
             if isinstance(default, float) or (name in ("dt", "thruster_lag") and value is not None):

@@ -3,7 +3,8 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::{
-    Body, Fin, Frame, InertiaPoint, Joint, JointKind, JointLimits, JointServo, LinearActuator, Scene, Tether, ThrustMap,
+    Body, EndEffectorFrame, Fin, Frame, InertiaPoint, Joint, JointKind, JointLimits, JointServo, LinearActuator, Scene,
+    Tether, ThrustMap,
 };
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::{Factors, State};
@@ -73,7 +74,9 @@ fn vary(scene: &Scene, seed: u64, gentle: bool) -> Scene {
             }
             link.body.iter_mut().for_each(|body| vary_body(body, random, gentle));
         }
-        vary_frame(&mut arm.end_effector, random, gentle);
+        let mut frame = arm.end_effector.frame();
+        vary_frame(&mut frame, random, gentle);
+        arm.end_effector = EndEffectorFrame { on: arm.end_effector.on.clone(), ..frame.into() };
     }
     if let Some(payload) = &mut scene.payload {
         vary_frame(&mut payload.frame, random, gentle);

@@ -151,7 +151,7 @@ fn inertia_about_the_com_follows_from_that_about_the_origin() {
 
 #[test]
 fn a_frame_rolls_then_pitches_then_yaws_about_parent_axes() {
-    let mut frame = shipped("petasus-pum").arm.unwrap().end_effector;
+    let mut frame = shipped("petasus-pum").arm.unwrap().end_effector.frame();
     let quarter = std::f64::consts::FRAC_PI_2;
     frame.rpy = Vector3::new(quarter, 0.0, quarter);
     // Roll takes y to z, yaw keeps it there; roll keeps x, yaw takes it to y.

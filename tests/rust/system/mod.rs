@@ -1,4 +1,5 @@
 //! Compiled scenes.
 
 mod chains;
+mod end_effectors;
 mod propulsion;

@@ -71,7 +71,7 @@ fn composing_is_associative() {
         let links = &arm.links;
         let payload = scene.payload.as_ref().unwrap();
         let mount = DensePose::from_frame(&arm.mount.frame);
-        let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
+        let grip = DensePose::from_frame(&arm.end_effector.frame()) * DensePose::from_frame(&payload.frame);
         let here = DensePose::identity();
         let onto = |parent: Composite, at, child| match &arm.mount.joint {
             None => parent.fixed_loading(at, mount, child),
@@ -160,7 +160,7 @@ fn bodies_fixed_in_sequence_belong_to_the_vehicle() {
     // Screwed on one after the other, from the vehicle outwards: everything is where it was.
     let (arm, payload) = (scene.arm.as_ref().unwrap(), scene.payload.as_ref().unwrap());
     let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
-    let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
+    let grip = DensePose::from_frame(&arm.end_effector.frame()) * DensePose::from_frame(&payload.frame);
     let outwards = rigid(&scene.vehicle.body)
         .fixed_loading(0, DensePose::from_frame(&arm.mount.frame), rigid(arm.base.as_ref().unwrap()))
         .fixed_loading(1, grip, rigid(&payload.body));
@@ -175,7 +175,7 @@ fn end_effector_sits_on_the_last_body() {
     for joint_loading in [false, true] {
         let mut scene = scene(joint_loading);
         let state = random_state(8, &scene);
-        let end_effector = DensePose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
+        let end_effector = DensePose::from_frame(&scene.arm.as_ref().unwrap().end_effector.frame());
         let end = |scene: &Scene| {
             let model = ClosedFormModel::new(scene).unwrap();
             let form = model.at(&state, Vector3::zeros());
@@ -208,7 +208,7 @@ fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
     let alone = links.fold(rigid(arm.base.as_ref().unwrap()), |alone, (k, link)| {
         alone.joint_loading(k, here, link.joint.clone(), rigid(own(link)))
     });
-    let grip = DensePose::from_frame(&arm.end_effector) * DensePose::from_frame(&payload.frame);
+    let grip = DensePose::from_frame(&arm.end_effector.frame()) * DensePose::from_frame(&payload.frame);
     let alone = alone.fixed_loading(3, grip, rigid(&payload.body));
     let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
     let model = ClosedFormModel::new(&scene).unwrap();

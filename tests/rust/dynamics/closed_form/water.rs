@@ -131,7 +131,7 @@ fn added_mass_in_another_frame_is_the_same_inertia() {
         inertia_at: InertiaPoint::Com,
         ..solid.vehicle.body.clone()
     };
-    solid.payload = Some(Payload { frame: Frame { position: lever, rpy: Vector3::zeros() }, body });
+    solid.payload = Some(Payload { on: None, frame: Frame { position: lever, rpy: Vector3::zeros() }, body });
     let state = random_state(2, &wet);
     let (wet, solid) = (ClosedFormModel::new(&wet).unwrap(), ClosedFormModel::new(&solid).unwrap());
     let (wet, solid) = (wet.at(&state, Vector3::zeros()), solid.at(&state, Vector3::zeros()));
