@@ -11,7 +11,7 @@ use crate::dynamics::aba::{Scratch, link_twists};
 use crate::dynamics::{implicit_joint_torque, inverse_dynamics};
 use crate::lane::{Function, Lane, differentiate, inverse_sqrt};
 use crate::lie::{Vector3, Vector6};
-use crate::system::{JOINTS, Joints};
+use crate::system::{EndEffector, JOINTS, Joints};
 
 /// Maximum number of velocities `[V; q']`.
 pub const VELOCITIES: usize = 6 + JOINTS;
@@ -57,6 +57,8 @@ pub struct Equations {
     pub bias: Velocities,
     /// End-effector body twist per `[V; q']`.
     pub jacobian: SMatrix<f64, 6, VELOCITIES>,
+    /// The same of each further end effector that is held still.
+    pub held: Vec<SMatrix<f64, 6, VELOCITIES>>,
     /// Factor of the inertia, made when it is needed first; none where it is not positive definite, which does not happen.
     factor: OnceCell<Option<Cholesky<f64, Const<VELOCITIES>>>>,
 }
@@ -72,18 +74,21 @@ impl Equations {
 impl NominalModel {
     /// Equations of motion at a state, implicit in the joints' passive torques over a time T, s.
     pub fn equations(&self, at: ChainState, implicit: f64) -> Equations {
-        let (mut inertia, mut jacobian) = (MassMatrix::identity(), SMatrix::<f64, 6, VELOCITIES>::zeros());
+        let mut inertia = MassMatrix::identity();
         let force = Force { model: self, implicit };
         let size = 6 + self.joints();
         let by: Vec<usize> = (STATE..STATE + size).collect();
         let (bias, forces) = differentiate(&force, &at.argument(&Velocities::zeros()), &by);
         let by: Vec<usize> = (VELOCITY..VELOCITY + size).collect();
-        let (_, twists) = differentiate(&EffectorTwist(self), &at.argument(&Velocities::zeros()), &by);
-        for k in 0..size {
-            inertia.set_column(k, &Velocities::from(forces[k]));
-            jacobian.set_column(k, &na::Vector6::from(twists[k]));
-        }
-        Equations { inertia, bias: bias.into(), jacobian, factor: OnceCell::new() }
+        let jacobian = |of: &EndEffector| {
+            let (_, twists) = differentiate(&EffectorTwist(self, of), &at.argument(&Velocities::zeros()), &by);
+            let mut jacobian = SMatrix::<f64, 6, VELOCITIES>::zeros();
+            twists.into_iter().enumerate().for_each(|(k, twist)| jacobian.set_column(k, &na::Vector6::from(twist)));
+            jacobian
+        };
+        forces.into_iter().enumerate().for_each(|(k, force)| inertia.set_column(k, &Velocities::from(force)));
+        let held = self.held.iter().map(jacobian).collect();
+        Equations { inertia, bias: bias.into(), jacobian: jacobian(&self.end_effector), held, factor: OnceCell::new() }
     }
 
     /// Derivatives of the force `(M + T D) a + bias` by `[up; q; V; q']` at an acceleration a.
@@ -97,7 +102,8 @@ impl NominalModel {
     /// Derivatives of the end effector's twist by the joint coordinates.
     pub fn twist_derivatives(&self, at: ChainState) -> Vec<na::Vector6<f64>> {
         let by: Vec<usize> = (Q..Q + self.joints()).collect();
-        let (_, slopes) = differentiate(&EffectorTwist(self), &at.argument(&Velocities::zeros()), &by);
+        let (_, slopes) =
+            differentiate(&EffectorTwist(self, &self.end_effector), &at.argument(&Velocities::zeros()), &by);
         slopes.into_iter().map(na::Vector6::from).collect()
     }
 }
@@ -130,7 +136,7 @@ impl Function<ARGUMENT, VELOCITIES> for Force<'_> {
 }
 
 /// End-effector body twist of `[up; q; V; q']`.
-struct EffectorTwist<'a>(&'a NominalModel);
+struct EffectorTwist<'a>(&'a NominalModel, &'a EndEffector);
 
 impl Function<STATE, 6> for EffectorTwist<'_> {
     #[inline(always)]
@@ -138,7 +144,7 @@ impl Function<STATE, 6> for EffectorTwist<'_> {
         let (q, twist, qd) = motion(x, VELOCITY);
         let mut twists = [twist; 1 + JOINTS];
         link_twists(&self.0.system, twist, &q, &qd, &mut Scratch::new(), &mut twists[1..]);
-        let (carrier, tip) = self.0.end_effector.tip();
+        let (carrier, tip) = self.1.tip();
         tip.adjoint_apply_inverse(twists[carrier]).to_array()
     }
 }

@@ -13,6 +13,9 @@ pub const MAX_DELAY: usize = 10;
 /// Maximum time beyond the present for which a model predicts, s.
 const MAX_HORIZON: f64 = 10.0;
 
+/// The one gain that is a list of names.
+const HOLD: &str = "hold";
+
 /// Gains by name: numbers and lists of numbers; null for a gain that is not given.
 pub type GainMap = Map<String, Value>;
 
@@ -43,7 +46,7 @@ pub fn gain_names(gains: &impl Serialize) -> Vec<String> {
 /// Refuses gains that are not finite or are negative, factors and deviations of 0, delays of more than `max_delay` control
 /// periods, and predictions beyond the present that would take too long.
 fn check(gains: &GainMap, max_delay: usize) -> Result<(), ControlError> {
-    for (name, value) in gains {
+    for (name, value) in gains.iter().filter(|(name, _)| *name != HOLD) {
         // A number that is not finite has become null.
         let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
         let numbers = value.as_array().map_or_else(|| vec![number(value)], |list| list.iter().map(number).collect());
@@ -84,7 +87,12 @@ where
         };
         let numbers = |value: &Value| value.as_array().map(Vec::len);
         let integer = old.is_u64() && value.is_f64() && value.as_f64() >= Some(0.0);
-        if numbers(old) != numbers(value) || integer {
+        let names = |list: &Vec<Value>| list.iter().all(Value::is_string);
+        if name == HOLD && !value.as_array().is_some_and(names) {
+            let expected = "a list of names of end effectors".to_owned();
+            return Err(ControlError::GainShape { name: name.clone(), value: value.to_string(), expected });
+        }
+        if name != HOLD && (numbers(old) != numbers(value) || integer) {
             let expected = match numbers(old) {
                 Some(length) => format!("{length} numbers"),
                 None if integer => "a whole number".to_owned(),

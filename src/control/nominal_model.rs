@@ -78,6 +78,8 @@ pub struct AppliedWrenches<L> {
 pub struct NominalModel {
     pub(super) system: System<Shared<f64>>,
     pub(super) end_effector: EndEffector,
+    /// Further end effectors that a controller holds still.
+    pub(super) held: Vec<EndEffector>,
     /// Magnitude of gravity, m/s2.
     pub(super) gravity: f64,
     /// Mean time constant of the thrusters, s.
@@ -90,7 +92,7 @@ impl NominalModel {
         let count = scene.vehicle.thrusters.len();
         let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;
         let (end_effector, gravity) = (EndEffector::new(scene), scene.water.gravity.norm());
-        Self { system: compile(scene).system, end_effector, gravity, lag }
+        Self { system: compile(scene).system, end_effector, held: Vec::new(), gravity, lag }
     }
 
     /// Number of joints.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 
 use super::arrays::{Rows, copied, matrix, name_of, one_of};
 use super::computation::interruptible;
@@ -49,7 +49,10 @@ impl Controller {
     fn gains<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let result = PyDict::new(py);
         for (name, value) in &self.gains {
-            if let Some(list) = value.as_array() {
+            if name == "hold" {
+                let names: Vec<_> = value.as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
+                result.set_item(name, PyTuple::new(py, names)?)?;
+            } else if let Some(list) = value.as_array() {
                 let numbers: Vec<f64> = list.iter().filter_map(|x| x.as_f64()).collect();
                 result.set_item(name, numbers.to_pyarray(py))?;
             } else if let Some(integer) = value.as_u64() {
@@ -226,12 +229,13 @@ fn policy_spec(task: &Task, residual: bool) -> PolicySpec {
     if residual { spec.residual() } else { spec }
 }
 
-/// A gain from Python: an integer, a number or a list.
+/// A gain from Python: an integer, a number, or a list of numbers or names.
 #[derive(FromPyObject)]
 enum Gain {
     Whole(u32),
     Number(f64),
     List(Vec<f64>),
+    Names(Vec<String>),
 }
 
 /// Names of the gains of a classical controller.
@@ -251,6 +255,7 @@ impl Task {
                 None => None::<f64>.into(),
                 Some(Gain::Whole(number)) => number.into(),
                 Some(Gain::Number(number)) => gain_value(&name, &[number], false).or_raise()?,
+                Some(Gain::Names(names)) => names.into(),
                 Some(Gain::List(numbers)) => gain_value(&name, &numbers, true).or_raise()?,
             };
             map.insert(name, value);

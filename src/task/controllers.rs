@@ -154,14 +154,14 @@ impl Task {
     fn resolved_motion(&self, given: &GainMap) -> Made {
         let gains = ResolvedMotionGains { delay: self.known_delay(given), ..ResolvedMotionGains::default() };
         let gains = merge(&gains, given, MAX_DELAY)?;
-        made(ResolvedMotion::new(gains, self.tracking_indices()?, self.plant()?), &gains)
+        made(ResolvedMotion::new(gains.clone(), self.tracking_indices()?, self.plant()?)?, &gains)
     }
 
     fn adaptive_motion(&self, given: &GainMap) -> Made {
         let mut gains = AdaptiveMotionGains::default();
         [_, gains.motion.delay] = self.delays();
         let gains = merge(&gains, given, MAX_DELAY)?;
-        made(ResolvedMotion::adaptive(&gains, self.tracking_indices()?, self.plant()?), &gains)
+        made(ResolvedMotion::adaptive(&gains, self.tracking_indices()?, self.plant()?)?, &gains)
     }
 
     fn dock_pd(&self, given: &GainMap) -> Made {
@@ -185,7 +185,7 @@ impl Task {
             }
             BaseController::ResolvedMotion => {
                 let plant = Plant { scene: self.scene(), actions, period: self.period() };
-                Arc::new(ResolvedMotion::new(ResolvedMotionGains::default(), self.tracking_indices()?, plant))
+                Arc::new(ResolvedMotion::new(ResolvedMotionGains::default(), self.tracking_indices()?, plant)?)
             }
         }))
     }

@@ -201,7 +201,8 @@ def _plain(name: str, gain: Any) -> Any:
     if gain is None:
         return None
     array = np.asarray(gain)
-    if array.ndim > 1 or array.dtype.kind not in "iuf":
+    names = array.ndim == 1 and array.dtype.kind == "U"
+    if array.ndim > 1 or not (array.dtype.kind in "iuf" or names):
         raise ValueError(f"gain {name} is {gain!r}, but must be a number or a list of numbers")
     return array.tolist()
 

@@ -242,6 +242,12 @@ class ResolvedMotion(ClassicalController):
     controller acts on a prediction of the present from delayed measurements, by the same model and its own past
     actions. Both assume that actions are carried out as given, and need the controller's state.
 
+    With `hold` one arm works while others hold still: each end effector that is held has its target where it is when
+    the episode begins, and its Jacobian and its commanded twist, minus `pose_gain` times its pose error, are six
+    further rows of the same pseudo-inverse. Where vehicle and joints cannot satisfy all rows, the errors are shared.
+    Observations have no pose in the world, so the target is carried along relative to the reference, whose pose and
+    twist are observed; this needs the controller's state.
+
     Parameters
     ----------
     env, **options
@@ -268,6 +274,9 @@ class ResolvedMotion(ClassicalController):
     delay : int or None
         Age of measurements in control periods, which is compensated, 0 to 10; None: the age in the environment's
         sensors. 0 by default.
+    hold : sequence of str or None
+        Names of up to three further end effectors that are held still in the world while the one in use
+        (`end_effector` of the environment) follows the reference. None by default.
     """
 
     kind = "resolved-motion"
@@ -295,7 +304,7 @@ class AdaptiveResolvedMotion(MultipleModel):
     env, **options
         As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of `disturbance`
         matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
-    pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain
+    pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain, hold
         Meaning as in `ResolvedMotion`, for all models.
     observer_bandwidth : array_like (3,) or None
         Meaning as in `ResolvedMotion`; (4, 4, 8) by default.

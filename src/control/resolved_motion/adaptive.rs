@@ -6,7 +6,7 @@ use super::gains::ResolvedMotionGains;
 use crate::control::bank::{Bank, BankModel};
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion) on a bank of models of delay and thrust.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveMotionGains {
     /// Gains of each model's resolved motion without delay. `delay` is the maximum of the bank, which begins at 0.
     #[serde(flatten)]
@@ -45,7 +45,7 @@ impl AdaptiveMotionGains {
                 twist_gain: self.motion.twist_gain * rate,
                 joint_gain: self.motion.joint_gain * rate,
                 delay: *delay,
-                ..self.motion
+                ..self.motion.clone()
             }
         };
         bank.models.iter().map(gains).collect()

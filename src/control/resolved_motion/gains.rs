@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Gains of [`ResolvedMotion`](super::ResolvedMotion).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResolvedMotionGains {
     /// Pose error to the end effector's commanded twist, 1/s.
     pub pose_gain: f64,
@@ -26,6 +26,8 @@ pub struct ResolvedMotionGains {
     pub observer_bandwidth: [f64; 3],
     /// Age of measurements that the prediction compensates, control periods, at most [`MAX_DELAY`](crate::control::MAX_DELAY).
     pub delay: usize,
+    /// Names of further end effectors, which are held still in the world at the poses where an episode begins.
+    pub hold: Vec<String>,
 }
 
 impl Default for ResolvedMotionGains {
@@ -41,6 +43,7 @@ impl Default for ResolvedMotionGains {
             integral_gain: 0.0,
             observer_bandwidth: [0.0; 3],
             delay: 0,
+            hold: Vec::new(),
         }
     }
 }

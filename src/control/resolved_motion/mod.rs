@@ -2,11 +2,12 @@
 
 mod adaptive;
 mod gains;
+mod hold;
 mod motion_bank;
 mod predictor;
 mod reading;
 
-use nalgebra::{SMatrix, Vector3, Vector6};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 pub use adaptive::AdaptiveMotionGains;
 pub use gains::ResolvedMotionGains;
@@ -19,9 +20,10 @@ use super::controller::{Controller, Plant, Widths};
 use super::equations::{Equations, VELOCITIES, Velocities};
 use super::nominal_model::NominalModel;
 use super::{ActionMap, Actuation};
-use crate::description::JointLimits;
+use crate::description::{DEFAULT_END_EFFECTOR, JointLimits, Scene};
 use crate::error::ControlError;
-use crate::system::JOINTS;
+use crate::lie::Pose;
+use crate::system::{EndEffector, JOINTS};
 
 /// Share of its travel within which a joint near a limit loses mobility.
 const MARGIN: f64 = 0.15;
@@ -38,6 +40,8 @@ const MISSED: f64 = 1e-4;
 /// the reference's acceleration into a wrench and torques, clipped to the actuators' limits.
 ///
 /// With `observer_bandwidth` the forces that the model lacks are estimated from the measured velocities, and compensated;
+/// with `hold` further end effectors are held still: their Jacobians and commanded twists, minus `pose_gain` times their
+/// own pose errors, are further rows of the same least squares;
 /// with `delay` the law acts on a prediction of the present from delayed measurements. [`Self::adaptive`] has one such
 /// observer per model of delay and thrust, and acts by the mean of their laws.
 pub struct ResolvedMotion {
@@ -58,35 +62,48 @@ pub struct ResolvedMotion {
 
 impl ResolvedMotion {
     /// For checked gains.
-    pub fn new(gains: ResolvedMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
+    ///
+    /// # Errors
+    /// [`ControlError::GainShape`] if `hold` has a name that is no other end effector's of the scene, or too many.
+    pub fn new(gains: ResolvedMotionGains, indices: TrackingIndices, plant: Plant) -> Result<Self, ControlError> {
         Self::on_models(Bank::single(gains.delay), vec![gains], indices, plant)
     }
 
     /// On a bank of models, for checked gains.
-    pub fn adaptive(gains: &AdaptiveMotionGains, indices: TrackingIndices, plant: Plant) -> Self {
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn adaptive(gains: &AdaptiveMotionGains, indices: TrackingIndices, plant: Plant) -> Result<Self, ControlError> {
         let bank = gains.bank(plant.period);
         let models = gains.models(&bank, plant.period);
         Self::on_models(bank, models, indices, plant)
     }
 
-    fn on_models(bank: Bank<3>, gains: Vec<ResolvedMotionGains>, indices: TrackingIndices, plant: Plant) -> Self {
+    fn on_models(
+        bank: Bank<3>,
+        gains: Vec<ResolvedMotionGains>,
+        indices: TrackingIndices,
+        plant: Plant,
+    ) -> Result<Self, ControlError> {
         let Plant { scene, actions, period } = plant;
-        let model = NominalModel::new(scene);
+        let mut model = NominalModel::new(scene);
+        model.held = held(scene, &gains[0].hold)?;
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
         let needs_bank = gains.len() > 1 || gains[0].predicts();
         let bank = needs_bank.then(|| MotionBank::new(bank, Predictor::new(&gains[0], &model, &actions, period)));
         let actuation = Actuation::new(&actions);
-        Self { indices, gains, actions, actuation, model, period, bank, home, limits, actuated }
+        Ok(Self { indices, gains, actions, actuation, model, period, bank, home, limits, actuated })
     }
 
-    /// Commanded accelerations, for an integral of the pose error.
-    fn acceleration(
+    /// Commanded accelerations, for an integral of the pose error and the targets of held end effectors: with them, ROWS of
+    /// commanded twists.
+    fn acceleration<const ROWS: usize>(
         &self,
         gains: &ResolvedMotionGains,
         now: &TrackingState,
-        jacobian: &SMatrix<f64, 6, VELOCITIES>,
-        integral: &Vector6<f64>,
+        equations: &Equations,
+        (integral, targets): (&Vector6<f64>, &[Pose<f64>]),
     ) -> Option<Velocities> {
         let (n, q) = (self.home.len(), &now.q);
         // Mobilities: inverse weights.
@@ -101,14 +118,18 @@ impl ResolvedMotion {
             });
             mobility[6 + k] = gains.arm_weight * margin;
         }
+        let mut jacobian = SMatrix::<f64, ROWS, VELOCITIES>::zeros();
+        for (k, rows) in std::iter::once(&equations.jacobian).chain(&equations.held).enumerate() {
+            jacobian.fixed_rows_mut::<6>(6 * k).copy_from(rows);
+        }
         let mut scaled = jacobian.transpose();
         for k in 0..VELOCITIES {
             scaled.row_mut(k).scale_mut(mobility[k]);
         }
-        let damped = jacobian * scaled + SMatrix::<f64, 6, 6>::identity() * DAMPING;
+        let damped = jacobian * scaled + SMatrix::<f64, ROWS, ROWS>::identity() * DAMPING;
         // Symmetric and positive definite.
         let factor = damped.cholesky()?;
-        let distribute = |motion: &Vector6<f64>| scaled * factor.solve(motion);
+        let distribute = |motion: &SVector<f64, ROWS>| scaled * factor.solve(motion);
 
         let mut secondary = Velocities::zeros();
         // Rotation of the vehicle's z axis to the vertical.
@@ -117,9 +138,15 @@ impl ResolvedMotion {
             secondary[6 + k] = gains.posture_gain * (self.home[k] - q[k]);
         }
         let error = now.error + integral * gains.integral_gain;
-        let command = secondary + distribute(&(now.reference - error * gains.pose_gain - jacobian * secondary));
+        let (mut twist, mut rate) = (SVector::<f64, ROWS>::zeros(), SVector::<f64, ROWS>::zeros());
+        twist.fixed_rows_mut::<6>(0).copy_from(&(now.reference - error * gains.pose_gain));
+        rate.fixed_rows_mut::<6>(0).copy_from(&now.acceleration);
+        for (k, error) in hold::errors(&self.model, now, targets).iter().enumerate() {
+            twist.fixed_rows_mut::<6>(6 * (k + 1)).copy_from(&(error * -gains.pose_gain));
+        }
+        let command = secondary + distribute(&(twist - jacobian * secondary));
 
-        let mut acceleration = distribute(&now.acceleration);
+        let mut acceleration = distribute(&rate);
         for k in 0..6 + n {
             let gain = if k < 6 { gains.twist_gain } else { gains.joint_gain };
             acceleration[k] += gain * (command[k] - now.velocities[k]);
@@ -133,10 +160,16 @@ impl ResolvedMotion {
         gains: &ResolvedMotionGains,
         now: &TrackingState,
         equations: &Equations,
-        integral: &Vector6<f64>,
+        tasks: (&Vector6<f64>, &[Pose<f64>]),
     ) -> Velocities {
-        self.acceleration(gains, now, &equations.jacobian, integral)
-            .map_or_else(Velocities::zeros, |acceleration| equations.inertia * acceleration + equations.bias)
+        const { assert!(hold::MAX_HELD == 3) };
+        let acceleration = match equations.held.len() {
+            0 => self.acceleration::<6>(gains, now, equations, tasks),
+            1 => self.acceleration::<12>(gains, now, equations, tasks),
+            2 => self.acceleration::<18>(gains, now, equations, tasks),
+            _ => self.acceleration::<24>(gains, now, equations, tasks),
+        };
+        acceleration.map_or_else(Velocities::zeros, |acceleration| equations.inertia * acceleration + equations.bias)
     }
 
     /// Number of integrals of the pose error.
@@ -149,15 +182,22 @@ impl ResolvedMotion {
         let n = self.home.len();
         let mut now = self.indices.read(&self.home, observation);
         let (integral, memory) = memory.split_at_mut(self.integrals());
+        let (held, memory) = memory.split_at_mut(hold::memory(self.model.held.len()).iter().sum());
         let mut sum = Vector6::zeros();
         integral.iter().zip(sum.iter_mut()).for_each(|(z, sum)| *sum = *z);
         let estimates = self.bank.as_ref().map(|bank| (bank, bank.estimate(&self.model, &now, memory)));
         let effort = match &estimates {
             Some((bank, estimates)) => {
-                now.error = estimates.likeliest().0.now.error;
-                bank.mean(estimates, |k, now, equations| self.effort(&self.gains[k], now, equations, &sum))
+                let present = &estimates.likeliest().0.now;
+                now.error = present.error;
+                let targets = hold::targets(&self.model, present, self.period, held);
+                let tasks = (&sum, &targets[..]);
+                bank.mean(estimates, |k, now, equations| self.effort(&self.gains[k], now, equations, tasks))
             }
-            None => self.effort(&self.gains[0], &now, &self.model.equations(now.chain(), 0.0), &sum),
+            None => {
+                let targets = hold::targets(&self.model, &now, self.period, held);
+                self.effort(&self.gains[0], &now, &self.model.equations(now.chain(), 0.0), (&sum, &targets))
+            }
         };
         self.actions.normalise(&effort.fixed_rows::<6>(0).into_owned(), &effort.as_slice()[6..6 + n], action);
         if self.widths().memory == 0 {
@@ -181,6 +221,22 @@ impl ResolvedMotion {
     }
 }
 
+/// End effectors to hold, by their names.
+fn held(scene: &Scene, names: &[String]) -> Result<Vec<EndEffector>, ControlError> {
+    let in_use = scene.arm.as_ref().map_or(DEFAULT_END_EFFECTOR, |arm| arm.end_effector_name());
+    let others: Vec<_> = scene.end_effector_names().into_iter().filter(|name| name != in_use).collect();
+    let known = |name: &&String| others.contains(name) && names.iter().filter(|other| other == name).count() == 1;
+    if names.len() > hold::MAX_HELD || names.iter().filter(known).count() < names.len() {
+        let expected = match others.is_empty() {
+            true => "empty: the scene has no other end effector".to_owned(),
+            false => format!("different ones of {others:?}, at most {}", hold::MAX_HELD),
+        };
+        return Err(ControlError::GainShape { name: "hold".into(), value: format!("{names:?}"), expected });
+    }
+    let chosen = |name: &String| scene.with_end_effector(name).ok().map(|scene| EndEffector::new(&scene));
+    Ok(names.iter().filter_map(chosen).collect())
+}
+
 /// Wrench and torques of an action within the actuators' limits.
 pub(super) fn reached(actuation: &Actuation<f64>, action: &[f32]) -> Velocities {
     let actuated = actuation.act_on_row(action);
@@ -192,13 +248,17 @@ pub(super) fn reached(actuation: &Actuation<f64>, action: &[f32]) -> Velocities 
 
 impl Controller for ResolvedMotion {
     fn widths(&self) -> Widths {
-        let memory = self.integrals() + self.bank.as_ref().map_or(0, MotionBank::memory);
+        let memory = self.integrals()
+            + hold::memory(self.model.held.len()).iter().sum::<usize>()
+            + self.bank.as_ref().map_or(0, MotionBank::memory);
         Widths { observation: self.indices.width, memory, action: self.actions.len() }
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
         let integral = (self.integrals() > 0).then_some(("integral", 6));
-        integral.into_iter().chain(self.bank.iter().flat_map(MotionBank::memory_layout)).collect()
+        let hold = ["reference", "targets"].into_iter().zip(hold::memory(self.model.held.len()));
+        let hold = hold.filter(|(_, length)| *length > 0);
+        integral.into_iter().chain(hold).chain(self.bank.iter().flat_map(MotionBank::memory_layout)).collect()
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {

@@ -22,7 +22,7 @@ fn scene() -> Scene {
 
 fn policy(gains: ResolvedMotionGains) -> ResolvedMotion {
     let plant = Plant { scene: &scene(), actions: actions(&scene(), &JOINT_TORQUES), period: PERIOD };
-    ResolvedMotion::new(gains, tracking_indices(), plant)
+    ResolvedMotion::new(gains, tracking_indices(), plant).unwrap()
 }
 
 fn gains() -> ResolvedMotionGains {
@@ -201,7 +201,7 @@ fn a_prediction_makes_up_for_the_delay() {
     start.now.error[1] = 0.1;
     start.now.velocities[0] = 0.2;
     let run = |delay, late| {
-        let policy = policy(ResolvedMotionGains { delay, ..fast });
+        let policy = policy(ResolvedMotionGains { delay, ..fast.clone() });
         closed_loop(&policy, start.clone(), &Velocities::zeros(), late, 60).0
     };
     let (prompt, blind, predicted) = (run(0, 0), run(0, 3), run(3, 3));
