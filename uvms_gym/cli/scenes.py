@@ -56,6 +56,10 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
     table("Bodies", ("body", "mass kg", "volume L", "buoyancy N"), rows)
     if simulator.num_joints:
         table("Joints", ("index", "joint"), enumerate(simulator.joint_names))
+    if len(ends := simulator.end_effector_names) > 1:
+        places = (simulator.end_effector_pose(name)[0, :3, 3] for name in ends)
+        rows = [(name, *(f"{x:.3f}" for x in place)) for name, place in zip(ends, places, strict=True)]
+        table("End effectors at home, world axes", ("end effector", "x m", "y m", "z m"), rows)
     if simulator.num_thrusters:
         rows = [
             (name, f"{low:g}", f"{high:g}")
