@@ -201,7 +201,7 @@ class NMPC(ClassicalController):
     Parameters
     ----------
     env, **options
-        As in `PD`, also of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of
+        As in `PD`, also of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag`, `end_effector` and the delay of
         `disturbance` matter, too. A delay beyond 10 is a `ValueError`.
     velocity : array_like (3,) or None
         Weights on velocities: linear, angular and, in tracking, of joints, s2. 0.02 by default, in tracking
@@ -251,8 +251,8 @@ class ResolvedMotion(ClassicalController):
     Parameters
     ----------
     env, **options
-        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of `disturbance`
-        matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
+        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag`, `end_effector` and the delay of
+        `disturbance` matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
     pose_gain : float or None
         Pose error to the commanded twist, 1/s. 2.5 by default.
     twist_gain, joint_gain : float or None
@@ -302,8 +302,8 @@ class AdaptiveResolvedMotion(MultipleModel):
     Parameters
     ----------
     env, **options
-        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag` and the delay of `disturbance`
-        matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
+        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag`, `end_effector` and the delay of
+        `disturbance` matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
     pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain, hold
         Meaning as in `ResolvedMotion`, for all models.
     observer_bandwidth : array_like (3,) or None
