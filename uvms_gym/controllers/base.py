@@ -203,7 +203,8 @@ def _plain(name: str, gain: Any) -> Any:
     array = np.asarray(gain)
     names = array.ndim == 1 and array.dtype.kind == "U"
     if array.ndim > 1 or not (array.dtype.kind in "iuf" or names):
-        raise ValueError(f"gain {name} is {gain!r}, but must be a number or a list of numbers")
+        allowed = "a list of names" if name == "hold" else "a number or a list of numbers"
+        raise ValueError(f"gain {name} is {gain!r}, but must be {allowed}")
     return array.tolist()
 
 
