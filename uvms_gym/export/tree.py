@@ -139,7 +139,7 @@ def tree(scene: dict[str, Any]) -> list[Link]:
             carrier = places[link["name"]] = add(link["name"], parent, Frame(), link["joint"], link.get("body"))
         named = {"end_effector": arm["end_effector"], **arm.get("end_effectors", {})}
         for name, end in named.items():
-            ends[name] = add(name, places.get(end.get("on", arm.get("tip")), carrier), Frame.of(end), None, None)
+            ends[name] = add(name, places.get(end.get("on"), carrier), Frame.of(end), None, None)
     if payload := scene.get("payload"):
         on = ends.get(payload.get("on"), ends.get("end_effector", 0))
         add("payload", on, Frame.of(payload.get("frame")), None, payload["body"])
