@@ -27,6 +27,8 @@ pub struct ArmModel {
     tip: EndEffector,
     /// Entry that carries the end effector.
     tip_link: Option<usize>,
+    /// End effectors at entries that carry nothing else, each drawn as a gripper.
+    grippers: Vec<(usize, EndEffector)>,
     /// Number of moving bodies, the vehicle included.
     bodies: usize,
     /// Mass of the scene's payload, kg.
@@ -41,7 +43,7 @@ struct DrawnLink {
     axis: Option<(Vector3<f64>, bool)>,
     /// Entries that it carries.
     carries: Vec<usize>,
-    /// End in its frame, m, by its centre of mass; drawn where it carries nothing.
+    /// End in its frame, m, by its centre of mass; drawn where it carries nothing, no end effector either.
     end: Option<Vector3<f64>>,
     radius: f32,
 }
@@ -77,12 +79,24 @@ impl ArmModel {
         let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
         let (tip, tip_link, count) =
             (EndEffector::new(scene), entry(arm.carrier(&arm.end_effector)), 1 + scene.joints().count());
-        let mut this = Self { links, tip, tip_link, bodies: count, payload };
+        let names = scene.end_effector_names().into_iter().filter_map(|name| scene.with_end_effector(&name).ok());
+        let others = names.filter_map(|scene| {
+            let arm = scene.arm.as_ref()?;
+            Some((entry(arm.carrier(&arm.end_effector))?, EndEffector::new(&scene)))
+        });
+        let mut grippers: Vec<(usize, EndEffector)> = Vec::new();
+        for (i, end_effector) in tip_link.map(|i| (i, tip.clone())).into_iter().chain(others) {
+            if links[i].carries.is_empty() && grippers.iter().all(|(k, _)| *k != i) {
+                grippers.push((i, end_effector));
+            }
+        }
+        let mut this = Self { links, tip, tip_link, grippers, bodies: count, payload };
         // Lengths of links depend on prismatic joints only.
         let (points, end) = this.points(&scene.home());
         let moves = |i: &usize| this.links[*i].axis.is_some();
         let longest = |i: usize| {
-            let tip = (tip_link == Some(i)).then_some(end.1);
+            let gripper = this.gripper(i, &scene.home()).map(|(_, tip)| tip);
+            let tip = (tip_link == Some(i)).then_some(end.1).or(gripper);
             let ends = this.ends(i, &points, &scene.home()).into_iter().chain(tip);
             ends.map(|end| (end - points[i]).norm()).fold(0.0, f32::max)
         };
@@ -109,10 +123,17 @@ impl ArmModel {
         (self.links.iter().map(|link| single(&link.frame.pose(q).1)).collect(), (rotation, single(&tip)))
     }
 
-    /// Ends of link `i` in the vehicle frame: the links on it, else its own end unless it carries the end effector.
+    /// Attitude and end of the gripper on link `i`, if there is one, in the vehicle frame.
+    fn gripper(&self, i: usize, q: &Joints) -> Option<(Matrix3<f64>, Vector)> {
+        let (_, end_effector) = self.grippers.iter().find(|(k, _)| *k == i)?;
+        let (rotation, tip) = end_effector.pose(q);
+        Some((rotation, single(&tip)))
+    }
+
+    /// Ends of link `i` in the vehicle frame: the links on it, else its own end unless it carries an end effector.
     fn ends(&self, i: usize, points: &[Vector], q: &Joints) -> Vec<Vector> {
         let link = &self.links[i];
-        if link.carries.is_empty() && self.tip_link != Some(i) {
+        if link.carries.is_empty() && self.grippers.iter().all(|(k, _)| *k != i) {
             let (rotation, position) = link.frame.pose(q);
             return link.end.iter().map(|end| single(&(rotation * end + position))).collect();
         }
@@ -124,7 +145,7 @@ impl ArmModel {
     pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) -> Vec<usize> {
         let mut joints = [0.0; JOINTS];
         joints.iter_mut().zip(q).for_each(|(joint, q)| *joint = *q);
-        let (points, (attitude, tip)) = self.points(&joints);
+        let (points, (_, tip)) = self.points(&joints);
         let mut starts = Vec::with_capacity(self.bodies);
         for body in 0..self.bodies {
             starts.push(mesh.vertices.len());
@@ -142,7 +163,7 @@ impl ArmModel {
                     continue;
                 }
                 ends.iter().for_each(|to| mesh.capsule(from, *to, 0.86 * r, 16, LINK));
-                if self.tip_link == Some(i) {
+                if let Some((attitude, tip)) = self.gripper(i, &joints) {
                     gripper(mesh, from, tip, &attitude, r);
                 }
             }
