@@ -112,9 +112,9 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
 fn by_z_axis(line: Line, pose: Pose<f64>) -> JointFrame {
     let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]), ..line };
     let Some(normal) = common_normal(vertical, line) else { return by_pose(&pose, pose) };
-    let [cos, sin, _] = normal.direction.0;
-    // Without the rounding of a direction along x.
-    let turn = if sin.abs() < PARALLEL && cos > 0.0 { LinkTwist::Deg0 } else { LinkTwist::General(sin, cos) };
+    // Without the rounding of a direction along x or y.
+    let [cos, sin] = [0, 1].map(|k| normal.direction.0[k]).map(|x| if x.abs() < PARALLEL { 0.0 } else { x });
+    let turn = if sin == 0.0 && cos > 0.0 { LinkTwist::Deg0 } else { LinkTwist::General(sin, cos) };
     let (d, a) = (nonzero(normal.feet[0].0[2]), nonzero(normal.length()));
     let placement = JointPlacement::DhWithOffset(turn, d, link_twist(normal.sin, normal.cos), a);
     by_normal(&normal, line, pose, placement)
