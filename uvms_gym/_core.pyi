@@ -21,6 +21,7 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
+    "arm_names",
     "assess_scene",
     "disturbance_levels",
     "dump_scene",
@@ -75,6 +76,9 @@ def tasks() -> list[tuple[str, str]]: ...
 def task_defaults(task: str) -> dict[str, Any]: ...
 def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
+
+def arm_names() -> list[str]:
+    """Names of the shipped arms without vehicle: parts for `[arm] file` and `[[arms]]` of a scene."""
 
 def vehicle_terms() -> list[tuple[str, str]]:
     """Terms of a vehicle beyond its body and thrusters: key in the vehicle's table, and a note for reports."""

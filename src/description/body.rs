@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::Frame;
 use crate::keys::numbers;
 
 /// A rigid body and its hydrodynamics, in the body frame.
@@ -69,16 +70,4 @@ pub struct Damping {
     /// D_Q: six diagonal numbers or six rows of six. N s2/m2, N s2/rad2, N m s2/m2, N m s2/rad2.
     #[serde(default, with = "numbers::matrix6")]
     pub quadratic: Matrix6<f64>,
-}
-
-/// A constant pose relative to a parent frame.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Frame {
-    /// Origin in the parent frame, m.
-    #[serde(default, with = "numbers::vector3")]
-    pub position: Vector3<f64>,
-    /// Roll, pitch, yaw about the fixed parent axes, rad (as URDF): `R = Rz(yaw) Ry(pitch) Rx(roll)`.
-    #[serde(default, with = "numbers::vector3")]
-    pub rpy: Vector3<f64>,
 }

@@ -1,6 +1,6 @@
 //! Quantities derived from a scene without dynamics: names, volumes, inertia about the centre of mass.
 
-use nalgebra::{Matrix3, Matrix6, Rotation3};
+use nalgebra::{Matrix3, Matrix6};
 
 use super::{Body, Frame, InertiaPoint, Joint, Scene, Water};
 
@@ -14,11 +14,6 @@ pub const VEHICLE: &str = "vehicle";
 pub const BASE: &str = "base";
 
 impl Frame {
-    /// Rotation from this frame to the parent frame: `Rz(yaw) Ry(pitch) Rx(roll)`.
-    pub fn rotation(&self) -> Matrix3<f64> {
-        Rotation3::from_euler_angles(self.rpy.x, self.rpy.y, self.rpy.z).into_inner()
-    }
-
     /// `Ad^-1 = [[R^T, -R^T [r]], [0, R^T]]`: takes twists of the parent frame to this one. `[HC eq. 7]`
     pub(crate) fn adjoint_inverse(&self) -> Matrix6<f64> {
         let r_t = self.rotation().transpose();

@@ -30,7 +30,7 @@ pub fn parse(path: &str) -> Vec<Step> {
 }
 
 /// `name` of a list element.
-fn name_of(element: &Value) -> Option<&str> {
+pub fn name_of(element: &Value) -> Option<&str> {
     element.get("name").and_then(Value::as_str)
 }
 
@@ -156,6 +156,14 @@ pub fn set(root: &mut Value, path: &str, value: Value) -> bool {
 /// `path.key`.
 pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+/// The path with further steps.
+pub fn below(path: String, steps: &[Step]) -> String {
+    steps.iter().fold(path, |path, step| match step {
+        Step::Key(key) => join(&path, key),
+        Step::Element(element) => format!("{path}[{element}]"),
+    })
 }
 
 /// The path, followed by the names of the list elements on it: `arm.links[2].body.mass (elbow)`.

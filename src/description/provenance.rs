@@ -44,9 +44,14 @@ fn split(text: &str) -> Option<(Origin, &str)> {
 impl Provenance {
     /// Provenance of the path `steps` in the tree `root`.
     pub(super) fn lookup(&self, root: &Value, steps: &[Step]) -> Option<(Origin, &str)> {
+        self.text(root, steps).and_then(split)
+    }
+
+    /// Provenance of the path `steps`, as it is stated.
+    pub(super) fn text(&self, root: &Value, steps: &[Step]) -> Option<&str> {
         let matching =
             self.0.iter().filter_map(|(key, text)| Some((path::coverage(&path::parse(key), steps, root)?, text)));
-        matching.max_by_key(|(coverage, _)| *coverage).and_then(|(_, text)| split(text))
+        matching.max_by_key(|(coverage, _)| *coverage).map(|(_, text)| text.as_str())
     }
 
     /// Refuses texts of unknown origin and keys that match nothing.

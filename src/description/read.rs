@@ -7,23 +7,13 @@ use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::axes::NedTables;
-use super::{Scene, SceneWarning, check, path};
+use super::part::Parts;
+use super::{Scene, SceneWarning, check, compose, path, shipped};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::Fault;
 
 /// Maximum size of a file of a scene, an outline or a robot.
 const MAX_BYTES: u64 = 16_000_000;
-
-/// Scenes shipped with the package.
-const SHIPPED: [(&str, &str); 7] = [
-    ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
-    ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
-    ("bluerov2-alpha5-pool", include_str!("../../uvms_gym/scenes/bluerov2-alpha5-pool.toml")),
-    ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
-    ("free-body", include_str!("../../uvms_gym/scenes/free-body.toml")),
-    ("rexrov", include_str!("../../uvms_gym/scenes/rexrov.toml")),
-    ("remus-100", include_str!("../../uvms_gym/scenes/remus-100.toml")),
-];
 
 impl Scene {
     /// TOML text of a scene with all keys; units and defaults are in comments.
@@ -31,7 +21,12 @@ impl Scene {
 
     /// Names of the shipped scenes.
     pub fn shipped_names() -> Vec<&'static str> {
-        SHIPPED.iter().map(|(name, _)| *name).collect()
+        shipped::scenes().collect()
+    }
+
+    /// Names of the shipped arms without vehicle, which are parts for scenes.
+    pub fn shipped_arm_names() -> Vec<&'static str> {
+        shipped::arms().collect()
     }
 
     /// A shipped scene.
@@ -77,7 +72,8 @@ impl Scene {
         Self::from_value(parse_toml(text, source_name)?, source_name)
     }
 
-    /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors.
+    /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors. Files of parts are
+    /// relative to the working directory.
     ///
     /// The scene is canonical: tables that state `axes = "ned"` are converted to x forward, y left, z up, directions have unit
     /// length, inertia and added mass are exactly symmetric. Warnings are left to [`Scene::check`].
@@ -97,10 +93,11 @@ impl Scene {
         value: Value,
         source_name: &str,
     ) -> Result<(Self, Vec<SceneWarning>), DescriptionError> {
+        let value = compose::expand(value, source_name, Path::new(""), &mut Parts::default())?;
         Self::from_tree(&value).map_err(|fault| fault.in_source(source_name, &value))
     }
 
-    fn from_tree(value: &Value) -> Result<(Self, Vec<SceneWarning>), Fault> {
+    pub(super) fn from_tree(value: &Value) -> Result<(Self, Vec<SceneWarning>), Fault> {
         let mut tree = value.clone();
         let ned = NedTables::take(&mut tree)?;
         let mut scene: Self = deserialize(&tree)?;
@@ -118,20 +115,22 @@ impl Scene {
 }
 
 fn shipped_value(name: &str) -> Result<(Value, String), DescriptionError> {
-    let Some((_, text)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) else {
+    let Some(text) = shipped::text(name).filter(|_| shipped::scenes().any(|scene| scene == name)) else {
         return Err(DescriptionError::UnknownScene { name: name.to_owned(), shipped: Scene::shipped_names() });
     };
     let source_name = format!("{name}.toml");
     Ok((parse_toml(text, &source_name)?, source_name))
 }
 
-/// A tree of values from a TOML file, and its path as errors name it.
+/// A scene's tree of values from a TOML file, its parts in place, and its path as errors name it.
 ///
 /// # Errors
-/// As [`read_file`] and [`parse_toml`].
+/// As [`read_file`], [`parse_toml`] and those of parts.
 pub fn file_value(path: &Path) -> Result<(Value, String), DescriptionError> {
     let (text, source_name) = read_file(path)?;
-    Ok((parse_toml(&text, &source_name)?, source_name))
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let value = compose::expand(parse_toml(&text, &source_name)?, &source_name, folder, &mut Parts::default())?;
+    Ok((value, source_name))
 }
 
 /// Text of a file, and its path as errors name it. Pipes and devices, which may have no end, are not opened.
@@ -181,7 +180,8 @@ pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Resul
     deserialize(&value).map_err(|fault| fault.in_source(source_name, &value))
 }
 
-fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {
+/// Deserialises data from a tree of values.
+pub(super) fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {
     // Before deserialising, so that a NaN is reported at its list entry.
     check::magnitudes(value)?;
     serde_path_to_error::deserialize(value.clone())

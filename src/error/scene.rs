@@ -40,6 +40,12 @@ pub enum Problem {
     /// Name that is no end effector's.
     #[error("is \"{value}\", but must be one of the end effectors: {expected}")]
     NoSuchEndEffector { value: String, expected: String },
+    /// Part that cannot be used.
+    #[error("is \"{value}\": {reason}")]
+    Part { value: String, reason: String },
+    /// Name of a list element that a part does not have.
+    #[error("the part has no \"{value}\" there; expected {expected}")]
+    NoSuchElement { value: String, expected: String },
     /// Wrong type or wrong length.
     #[error("{reason}; the value is {value}")]
     Form { reason: String, value: String },

@@ -18,6 +18,12 @@ impl Fault {
     pub fn new(key: impl Into<String>, problem: Problem) -> Self {
         Self { key: key.into(), problem }
     }
+
+    /// The fault of a table that stands at this key.
+    pub fn below(self, key: &str) -> Self {
+        let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
+        Self { key: format!("{key}{dot}{}", self.key), ..self }
+    }
 }
 
 /// A fault unless the number satisfies the rule.

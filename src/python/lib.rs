@@ -49,7 +49,7 @@ mod core {
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]
-    use super::scene::{load_scene, scene_names, vehicle_terms};
+    use super::scene::{arm_names, load_scene, scene_names, vehicle_terms};
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]

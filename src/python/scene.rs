@@ -24,6 +24,12 @@ pub fn scene_names() -> Vec<&'static str> {
     Scene::shipped_names()
 }
 
+/// Names of the shipped arms without vehicle: parts for `[arm] file` and `[[arms]]` of a scene.
+#[pyfunction]
+pub fn arm_names() -> Vec<&'static str> {
+    Scene::shipped_arm_names()
+}
+
 /// Terms of a vehicle beyond its body and thrusters.
 ///
 /// Returns
@@ -42,6 +48,8 @@ pub fn vehicle_terms() -> Vec<(&'static str, &'static str)> {
 /// scene : str, os.PathLike or dict
 ///     Name of a shipped scene (see `scene_names`), path of a TOML file, or a dict of the same form. Vectors and matrices
 ///     in a dict may be NumPy arrays. Tables that state `axes = "ned"` are in Fossen's body axes (z down) and are converted.
+///     Parts (`file` in `vehicle`, `arm` and `arms`) are replaced by their tables; files of parts are relative to the
+///     scene's file, those in a dict to the working directory.
 /// end_effector : str, optional
 ///     Name of the end effector to use in place of `arm.end_effector`, one of `[arm.end_effectors]`. The end effector of
 ///     before keeps a name, "default" if it has none, and a payload stays where it is.

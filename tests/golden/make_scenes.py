@@ -230,6 +230,23 @@ def coupled(scene, seed):
     return scene
 
 
+def merged(part, own):
+    """Table of a part with the values of a scene in their place."""
+    both = {key: merged(part[key], own[key]) for key in part if isinstance(own.get(key), dict)}
+    return part | own | both
+
+
+def read(name):
+    """Shipped scene with its parts."""
+    scene = tomllib.loads((SHIPPED / f"{name}.toml").read_text())
+    for key in ("vehicle", "arm"):
+        if file := scene.get(key, {}).pop("file", None):
+            part = read(file)
+            scene[key] = merged(part[key], scene[key])
+            scene.setdefault("water", part.get("water"))
+    return {"water": None} | scene
+
+
 def write_viscous_and_geared(scene, name):
     if name in VISCOUS_AND_GEARED:
         summary = f"{name} without water, with viscous friction at the joints alone, made for tests."
@@ -249,7 +266,7 @@ def main():
         write(dry(scene), f"{name}-dry", "Random numbers, made for tests; without water and joint losses.")
         write_viscous_and_geared(scene, name)
     for name in FROZEN:
-        scene = physics(tomllib.loads((SHIPPED / f"{name}.toml").read_text()))
+        scene = physics(read(name))
         write(scene, f"{name}-frozen", f"Physics of {name}, frozen for tests.")
         if "arm" in scene:
             write(dry(scene), f"{name}-dry", f"{name} without water and joint losses, frozen for tests.")

@@ -144,7 +144,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
 }
 
-fn scene(name: &str) -> Scene {
+pub fn scene(name: &str) -> Scene {
     Scene::from_file(folder().join(format!("scenes/{name}.toml"))).unwrap()
 }
 

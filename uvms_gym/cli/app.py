@@ -18,6 +18,7 @@ from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.common import console, held
 from uvms_gym.cli.compare import compare, verify
+from uvms_gym.cli.compose import compose
 from uvms_gym.cli.controllers import controllers
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
@@ -57,7 +58,7 @@ _register(
 )
 _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
-_register(scenes_app, **{"import": robots.import_arm})
+_register(scenes_app, compose, **{"import": robots.import_arm})
 app.add_typer(scenes_app, name="scenes")
 
 

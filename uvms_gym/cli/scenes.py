@@ -9,6 +9,7 @@ import typer
 from typer import Option
 
 import uvms_gym
+from uvms_gym import _core
 from uvms_gym._scene import bodies, buoyancy_of
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.options import Json, SceneArgument, ranged
@@ -30,13 +31,19 @@ SHOWN = 8
 
 
 def list_scenes() -> None:
-    """List the shipped scenes."""
+    """List the shipped scenes, and the arms without vehicle."""
     rows = []
     for name in uvms_gym.scene_names():
         simulator = uvms_gym.Simulator(name)
         summary = " ".join(simulator.scene["summary"].split()).split(". ")[0].rstrip(".")
         rows.append((name, summary, _freedom(simulator), simulator.num_joints, simulator.num_thrusters))
     table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
+    parts = []
+    for name in _core.arm_names():
+        scene = {"name": name, "vehicle": {"file": "bluerov2-heavy"}, "arm": {"file": name}}
+        simulator = uvms_gym.Simulator(scene)
+        parts.append((name, simulator.scene["arm"]["name"], simulator.num_joints))
+    table("Arms, parts for scenes", ("name", "arm", "joints"), parts, text_columns=2)
 
 
 def show(scene: SceneArgument, json_file: Json = None) -> None:

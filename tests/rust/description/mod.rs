@@ -3,6 +3,7 @@
 use uvms_gym::description::Scene;
 
 mod axes;
+mod compose;
 mod malformed_scenes;
 mod path;
 mod plausible;
