@@ -4,6 +4,7 @@ use uvms_gym::description::Scene;
 
 mod axes;
 mod compose;
+mod compose_errors;
 mod malformed_scenes;
 mod path;
 mod plausible;
