@@ -192,7 +192,7 @@ fn complete(mut scene: Scene) -> Scene {
     scene.vehicle.tether = Some(Tether { position, length: 30.0, diameter: 0.01, mass_per_length: 0.1, drag: 1.1 });
     scene.vehicle.forward_damping = Some(crate::forward_damping::eca_a9());
     if let Some(arm) = &mut scene.arm {
-        for (i, link) in arm.links.iter_mut().enumerate() {
+        for (i, link) in arm.links.iter_mut().enumerate().filter(|(_, link)| link.moves()) {
             // Light links without a rotor would be too fast for the step.
             link.joint.rotor_inertia = if i % 2 == 0 { 0.05 } else { 0.02 };
             link.joint.servo = Some(JointServo { kp: 20.0, kd: 2.0 });
