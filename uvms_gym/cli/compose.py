@@ -22,7 +22,10 @@ def compose(
     vehicle: Annotated[str, Option(metavar="PART", help=_VEHICLE_HELP)],
     arm: Annotated[
         list[str] | None,
-        Option(metavar="NAME=PART[@X,Y,Z[,ROLL,PITCH,YAW]][:on=LINK]", help=f"{_ARM_HELP}; may be repeated."),
+        Option(
+            metavar="NAME=PART[@X,Y,Z[,ROLL,PITCH,YAW]][:on=LINK]",
+            help=f"{_ARM_HELP}; may be repeated. [default: none]",
+        ),
     ] = None,
     name: Annotated[str | None, Option(help="Name of the scene. [default: that of --out, or composed]")] = None,
     expand: Annotated[bool, Option("--expand", help="Write all numbers instead of the names of the parts.")] = False,
