@@ -52,7 +52,7 @@ pictures: $(VENV)/wheel $(VENV)/test ## pictures of README.md and docs that take
 
 audit: $(VENV)/audit ## licences, sources and known vulnerabilities of dependencies; needs cargo-deny and the network
 	cargo deny --workspace --config .cargo/deny.toml check
-	$(BIN)/python .ci/requirements.py cli view ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
+	$(BIN)/python .ci/requirements.py cli view import ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
 
 test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
 	$(installed)
@@ -97,7 +97,7 @@ $(VENV)/made:
 	touch $@
 
 $(VENV)/test: $(VENV)/made pyproject.toml
-	$(call requirements,cli test)
+	$(call requirements,cli import test)
 	touch $@
 
 $(VENV)/audit: $(VENV)/made pyproject.toml

@@ -31,7 +31,7 @@
 //! terms         further forces on the vehicle, one file each: fins, tether, damping by forward speed
 //! description   scenes as plain data: TOML, checks, warnings
 //! estimate      coefficients of a body from its shape
-//! urdf          arms from URDF files
+//! robot         robots from files of several formats
 //! system        compile(description), state
 //! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, linearization
 //! integrate     Munthe-Kaas methods, a linearly implicit one, baseline methods
@@ -63,8 +63,8 @@ pub mod limits;
 pub mod optimize;
 pub mod planning;
 pub mod render;
+pub mod robot;
 pub mod spatial;
 pub mod system;
 pub mod task;
 pub mod terms;
-pub mod urdf;

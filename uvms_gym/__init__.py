@@ -62,7 +62,7 @@ from uvms_gym.export import export_mjcf, export_urdf
 from uvms_gym.inputs import StepInputs
 from uvms_gym.logs import Log, LogError, LogMap
 from uvms_gym.planning import Trajectory, optimize_trajectory
-from uvms_gym.robots import import_urdf
+from uvms_gym.robots import import_robot
 from uvms_gym.rollouts import Rollout
 
 __all__ = [
@@ -99,7 +99,7 @@ __all__ = [
     "estimate",
     "export_mjcf",
     "export_urdf",
-    "import_urdf",
+    "import_robot",
     "integrators",
     "lint_scene",
     "load_scene",

@@ -22,16 +22,17 @@ __all__ = [
     "Task",
     "__version__",
     "arm_names",
+    "assemble_robot",
     "assess_scene",
     "disturbance_levels",
     "dump_scene",
     "estimate",
     "gain_names",
-    "import_urdf",
     "integrators",
     "lint_scene",
     "load_scene",
     "optimize_trajectory",
+    "read_robot",
     "recommend_integration",
     "scene_names",
     "scene_template",
@@ -122,16 +123,22 @@ class _Estimate(TypedDict):
 def estimate(outline: _Scene, *, table: str = "vehicle.body") -> _Estimate:
     """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids."""
 
-def import_urdf(
-    path: str | PathLike[str],
+def read_robot(path: str | PathLike[str]) -> dict[str, Any]:
+    """A robot's file as plain data: name, source, format, notes, links, joints and thrusters."""
+
+def assemble_robot(
+    robot: dict[str, Any],
     *,
-    vehicle: _Scene,
+    vehicle: _Scene | None = None,
     position: _Rows = None,
     rpy: _Rows = None,
     base: str | None = None,
-    tip: str | None = None,
+    tips: Sequence[tuple[str, str]] | None = None,
+    lock: Sequence[str] | None = None,
+    keep: Sequence[str] | None = None,
+    density: Sequence[tuple[str | None, float]] | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """A vehicle with the arm of a URDF file, and remarks on the import; see `uvms_gym.import_urdf`."""
+    """The scene of a robot of the form of `read_robot`, and notes; see `uvms_gym.import_robot`."""
 
 def gain_names(kind: str) -> list[str]: ...
 def trajectory_inputs(simulator: Simulator, names: Sequence[str]) -> list[int]: ...

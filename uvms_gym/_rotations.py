@@ -61,9 +61,12 @@ def to_rpy(q: Floats) -> Floats:
 
 
 def rpy_of(R: Floats) -> Floats:
-    """Roll, pitch, yaw (..., 3), rad, of rotation matrices (..., 3, 3)."""
-    pitch = np.arcsin(np.clip(-R[..., 2, 0], -1.0, 1.0))
-    roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    """Roll, pitch, yaw (..., 3), rad, of rotation matrices (..., 3, 3), accurate at every pitch."""
+    yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
+    # Roll after yaw, from entries that stay large where pitch is near 90 degrees.
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sine * R[..., 0, 2] - cosine * R[..., 1, 2], cosine * R[..., 1, 1] - sine * R[..., 0, 1])
     return np.stack([roll, pitch, yaw], axis=-1)
 
 

@@ -1,41 +1,60 @@
-"""Scenes from URDF files."""
+"""Scenes from robots' files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from uvms_gym import _core
+from uvms_gym._importing import read_robot
+
+_Density: TypeAlias = float | Mapping[str, float] | Sequence[tuple[str | None, float]] | None
 
 
-def import_urdf(
+def import_robot(
     path: str | PathLike[str],
-    vehicle: str | PathLike[str] | dict[str, Any] = "bluerov2-heavy",
     *,
-    mount: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    vehicle: str | PathLike[str] | dict[str, Any] | None = None,
+    mount: Sequence[float] | None = None,
     base: str | None = None,
-    tip: str | None = None,
+    tip: str | Sequence[str] | Mapping[str, str] | None = None,
+    lock: Sequence[str] = (),
+    keep: Sequence[str] = (),
+    density: float | Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """Make a scene of a vehicle and the arm of a URDF file.
+    """Make a scene of a robot's file: a vehicle with its thrusters and arms, a vehicle alone, or an arm on a vehicle.
 
-    Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file; bodies on fixed
-    joints and side branches are merged into the links that carry them. Volume, added mass and damping are estimated
-    from the collision geometry, or from the visual geometry (see `estimate`). Meshes are not read: such a link has
-    the hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the
-    inertia that each joint carries. Integrator and step are those of `recommend_integration`. The scene's
-    provenance names the source of every number.
+    Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file. All joints that move
+    become joints of one tree, fingers among them; links on fixed joints are merged into the links that carry them.
+    The first link is the hull of a vehicle if it carries thrusters or propellers, if the file states its
+    hydrodynamics, if it is on a floating joint, if nothing moves on it, or if it outweighs all that moves on it; else
+    it is the base of an arm, mounted on `vehicle`. Volume, added mass and damping that the file does not state are
+    estimated from the collision geometry, or from the visual geometry (see `estimate`); a link without either has the
+    hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia
+    that each joint carries. Integrator and step are those of `recommend_integration`. The scene's provenance names the
+    source of every number.
 
     Parameters
     ----------
     path : str or os.PathLike
-        URDF file; expand xacro files first.
-    vehicle : str, os.PathLike or dict
-        Scene of the water and the vehicle; its arm and payload are left out.
-    mount : sequence of 6 floats
-        Base link in the vehicle frame: x, y, z (m), roll, pitch, yaw (rad).
-    base, tip : str, optional
-        First and last link of the chain; needed where the file has several roots or ends. The tip's frame is the end
-        effector's.
+        URDF (expand xacro files first), SDF, MJCF, or YAML of a vehicle's parameters. Meshes, MJCF and YAML need the
+        extra `import`; without it meshes are left out, with a note.
+    vehicle : str, os.PathLike or dict, optional
+        Scene of the water and the vehicle, which take the place of the file's hull; its arm and payload are left out.
+        An arm alone is mounted on `bluerov2-heavy` by default.
+    mount : sequence of 6 floats, optional
+        First link in the frame of that vehicle: x, y, z (m), roll, pitch, yaw (rad). Default: at its origin.
+    base : str, optional
+        First link of the robot; needed where the file has several links without parent.
+    tip : str, sequence of str or dict, optional
+        End effectors, the default one first: links whose frames they have, "NAME=LINK", or a dict of links by names.
+        Default: each end of the tree that is no finger, the longest arm's first.
+    lock : sequence of str
+        Joints to freeze, at 0 or the nearest limit.
+    keep : sequence of str
+        The only joints that move. Default: all but those locked, propellers and fins.
+    density : float or dict, optional
+        Density of all links without mass, or densities by links, kg/m3: masses follow from shapes.
 
     Returns
     -------
@@ -45,26 +64,60 @@ def import_urdf(
     Raises
     ------
     SceneError
-        The message names file, line and element.
+        The message names file, line and element, or the option.
     """
-    return import_with_notes(path, vehicle, mount=mount, base=base, tip=tip)[0]
+    chosen: dict[str, Any] = {"base": base, "tip": tip, "lock": lock, "keep": keep, "density": density}
+    return import_with_notes(path, vehicle=vehicle, mount=mount, **chosen)[0]
 
 
 def import_with_notes(
     path: str | PathLike[str],
-    vehicle: str | PathLike[str] | dict[str, Any],
     *,
-    mount: Sequence[float],
-    **chain: str | None,
+    vehicle: str | PathLike[str] | dict[str, Any] | None = None,
+    mount: Sequence[float] | None = None,
+    base: str | None = None,
+    tip: str | Sequence[str] | Mapping[str, str] | None = None,
+    lock: Sequence[str] = (),
+    keep: Sequence[str] = (),
+    density: _Density = None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Scene, and notes on merged, estimated and missing parts; `chain` is `base` and `tip`."""
-    if len(mount) != 6:
-        raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(mount)}")
-    file = Path(path)
-    if file.suffix == ".toml":
-        raise _core.SceneError(f"{file}: is a TOML file, but must be a URDF file")
-    scene, notes = _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], **chain)
+    """Scene of `import_robot`, and notes: each part that was guessed, merged, frozen or left out."""
+    pose = (0.0,) * 6 if mount is None else mount
+    if len(pose) != 6:
+        raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(pose)}")
+    scene, notes = _core.assemble_robot(
+        read_robot(Path(path)),
+        vehicle=vehicle,
+        position=pose[:3],
+        rpy=pose[3:],
+        base=base,
+        tips=_named(tip),
+        lock=_names(lock),
+        keep=_names(keep),
+        density=_densities(density),
+    )
     return with_integration(scene, notes)
+
+
+def _names(given: str | Sequence[str]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
+
+
+def _named(tip: str | Sequence[str] | Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Names and links of end effectors."""
+    if isinstance(tip, Mapping):
+        return list(tip.items())
+    parts = [text.partition("=") for text in _names(() if tip is None else tip)]
+    return [(name, link if equals else name) for name, equals, link in parts]
+
+
+def _densities(given: _Density) -> list[tuple[str | None, float]]:
+    """Links, None for all without mass, and densities."""
+    if isinstance(given, Mapping):
+        return [(link, float(density)) for link, density in given.items()]
+    if isinstance(given, Sequence):
+        return list(given)
+    return [] if given is None else [(None, float(given))]
 
 
 def with_integration(scene: dict[str, Any], notes: Sequence[str] = ()) -> tuple[dict[str, Any], list[str]]:

@@ -14,9 +14,9 @@ pub enum DescriptionError {
     /// Malformed TOML; the message has line and column.
     #[error("{source_name}: {message}")]
     Syntax { source_name: String, message: String },
-    /// Malformed or unsupported element of a URDF file, by its path: `joint "elbow" <limit>`.
-    #[error("{source_name}: line {line}: {element}: {problem}")]
-    Urdf { source_name: String, line: u32, element: String, problem: String },
+    /// Malformed or unsupported part of a robot's file, by its path: `joint "elbow" <limit>`; line 0 stands for no line.
+    #[error("{source_name}: {}{element}: {problem}", if *.line > 0 { format!("line {line}: ") } else { String::new() })]
+    Robot { source_name: String, line: u32, element: String, problem: String },
     /// Invalid value of a key; names of list elements follow its path: `arm.links[2].body.mass (forearm)`.
     #[error("{source_name}: {key}: {problem}")]
     Value { source_name: String, key: String, problem: Problem },

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::Vector3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::solid::{Ends, Round, Solid};
 use crate::description::{Frame, parse_toml, read_file, read_value};
@@ -37,20 +37,20 @@ fn slow() -> [f64; 2] {
 }
 
 /// A shape: exactly one of `box`, `cylinder`, `capsule`, `ellipsoid`.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
     /// Name of the shape in errors.
     pub name: String,
     /// Edges along x, y, z, m.
-    #[serde(rename = "box", deserialize_with = "numbers::optional_vector3")]
+    #[serde(rename = "box", with = "numbers::optional_vector3")]
     pub cuboid: Option<Vector3<f64>>,
     /// A cylinder with flat ends.
     pub cylinder: Option<Round>,
     /// A cylinder between hemispheres.
     pub capsule: Option<Round>,
     /// Semi-axes along x, y, z, m.
-    #[serde(deserialize_with = "numbers::optional_vector3")]
+    #[serde(with = "numbers::optional_vector3")]
     pub ellipsoid: Option<Vector3<f64>>,
     /// Centre in the body frame, m.
     #[serde(with = "numbers::vector3")]
@@ -76,7 +76,7 @@ pub struct Shape {
 
 impl Shape {
     /// The solid; None unless exactly one is given.
-    pub(super) fn solid(&self) -> Option<Solid> {
+    pub(crate) fn solid(&self) -> Option<Solid> {
         match (self.cuboid, self.cylinder, self.capsule, self.ellipsoid) {
             (Some(size), None, None, None) => Some(Solid::Box(size)),
             (None, Some(cylinder), None, None) => Some(Solid::Cylinder(cylinder)),
@@ -94,11 +94,12 @@ impl Shape {
         self.solidity.unwrap_or(self.perforation.map(|open| 1.0 - open))
     }
 
-    pub(super) fn displaced_volume(&self, solid: &Solid) -> f64 {
+    pub(crate) fn displaced_volume(&self, solid: &Solid) -> f64 {
         solid.volume() * self.displaced.unwrap_or(1.0)
     }
 
-    fn faults(&self) -> Option<(String, Problem)> {
+    /// Key and problem of the first invalid number.
+    pub(crate) fn faults(&self) -> Option<(String, Problem)> {
         let lengths = [("box", self.cuboid), ("ellipsoid", self.ellipsoid)].into_iter();
         let lengths = lengths.flat_map(|(key, v)| v.into_iter().flat_map(move |v| v.data.0[0]).map(move |x| (key, x)));
         let round = [("cylinder", &self.cylinder), ("capsule", &self.capsule)].into_iter();

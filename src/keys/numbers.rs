@@ -118,8 +118,18 @@ pub mod vector3 {
 }
 
 /// A vector of a key that may be absent.
-pub fn optional_vector3<'de, D: Deserializer<'de>>(d: D) -> Result<Option<nalgebra::Vector3<f64>>, D::Error> {
-    vector3::deserialize(d).map(Some)
+pub mod optional_vector3 {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    pub fn serialize<S: Serializer>(v: &Option<Vector3<f64>>, s: S) -> Result<S::Ok, S::Error> {
+        v.as_ref().map(|v| v.as_slice()).serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Vector3<f64>>, D::Error> {
+        vector3::deserialize(d).map(Some)
+    }
 }
 
 /// Moments of inertia: `[xx, yy, zz]`, `[xx, xy, xz, yy, yz, zz]` or three rows of three.

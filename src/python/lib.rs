@@ -45,7 +45,7 @@ mod core {
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]
-    use super::robots::{dump_scene, estimate, import_urdf, lint_scene, scene_template};
+    use super::robots::{assemble_robot, dump_scene, estimate, lint_scene, read_robot, scene_template};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

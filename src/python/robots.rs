@@ -1,4 +1,4 @@
-//! Users' own robots: template, plausibility warnings, estimates from shapes, arms from URDF.
+//! Users' own robots: template, plausibility warnings, estimates from shapes, robots from files.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use super::scene::{object, read, read_with_warnings, text, to_python, tree};
 use uvms_gym::batch::assess;
 use uvms_gym::description::{Frame, Scene};
 use uvms_gym::estimate::Outline;
-use uvms_gym::urdf::{Import, Imported};
+use uvms_gym::robot::{Assembly, Imported, Robot};
 
 /// TOML text of a scene with every key that there is, its unit and default in comments.
 #[pyfunction]
@@ -107,19 +107,35 @@ pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound
     Ok(dict! { py; "body": body, "toml": toml, "formulas": estimate.formulas.into_py_dict(py)? })
 }
 
-/// A vehicle with the arm of a URDF file, and what should be known about it; `uvms_gym.import_urdf` documents the arguments.
+/// A robot's file as plain data: name, source, format, notes, links, joints and thrusters; `uvms_gym.import_robot` documents the
+/// formats.
 #[pyfunction]
-#[pyo3(signature = (path, *, vehicle, position=None, rpy=None, base=None, tip=None))]
-pub fn import_urdf<'py>(
+pub fn read_robot(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    let robot = detached(py, || Robot::from_file(path))?.or_raise()?;
+    let value = toml::Value::try_from(&robot).map_err(|e| SceneError::new_err(e.to_string()))?;
+    object(&value, py)
+}
+
+/// The scene of a robot of the form of `read_robot`, and what should be known about it; `uvms_gym.import_robot` documents the
+/// arguments.
+#[pyfunction]
+#[pyo3(signature = (robot, *, vehicle=None, position=None, rpy=None, base=None, tips=None, lock=None, keep=None, density=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
+pub fn assemble_robot<'py>(
     py: Python<'py>,
-    path: PathBuf,
-    vehicle: &Bound<'py, PyAny>,
+    robot: &Bound<'py, PyDict>,
+    vehicle: Option<&Bound<'py, PyAny>>,
     position: Given,
     rpy: Given,
     base: Option<Bound<'py, PyString>>,
-    tip: Option<Bound<'py, PyString>>,
+    tips: Option<Vec<(String, String)>>,
+    lock: Option<Vec<String>>,
+    keep: Option<Vec<String>>,
+    density: Option<Vec<(Option<String>, f64)>>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
-    let vehicle = read(vehicle)?;
+    let source = robot.get_item("source")?.and_then(|source| source.extract::<String>().ok());
+    let robot = Robot::from_value(tree(robot)?, source.as_deref().unwrap_or("<dict>")).or_raise()?;
+    let vehicle = vehicle.map(read).transpose()?;
     let vector = |name, given: Given| -> PyResult<Vector3<f64>> {
         let Some(given) = given else { return Ok(Vector3::zeros()) };
         let (shape, numbers) = numbers(name, given)?;
@@ -131,8 +147,10 @@ pub fn import_urdf<'py>(
     };
     let mount = Frame { position: vector("position", position)?, rpy: vector("rpy", rpy)? };
     let base = base.as_ref().map(|base| text(base, "base")).transpose()?;
-    let tip = tip.as_ref().map(|tip| text(tip, "tip")).transpose()?;
-    let import = Import { vehicle: &vehicle, mount, base, tip };
-    let Imported { scene, notes } = detached(py, || import.from_file(path))?.or_raise()?;
+    let (tips, density) = (tips.unwrap_or_default(), density.unwrap_or_default());
+    let (lock, keep) = (lock.unwrap_or_default(), keep.unwrap_or_default());
+    let vehicle = vehicle.as_ref();
+    let assembly = Assembly { vehicle, mount, base, tips: &tips, lock: &lock, keep: &keep, density: &density };
+    let Imported { scene, notes } = detached(py, || assembly.of(&robot))?.or_raise()?;
     Ok((to_python(&scene, py)?, notes))
 }

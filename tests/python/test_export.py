@@ -259,8 +259,8 @@ def test_an_arm_comes_back_from_its_urdf(name: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(export_urdf(scene))
     frame = scene["arm"]["mount"]["frame"]
-    found = uvms_gym.import_urdf(
-        path, scene, mount=[*frame["position"], *frame["rpy"]], base="base", tip="end_effector"
+    found = uvms_gym.import_robot(
+        path, vehicle=scene, mount=[*frame["position"], *frame["rpy"]], base="base", tip="end_effector"
     )["arm"]
     assert found["end_effector"] == scene["arm"]["end_effector"]
     assert found["mount"] == scene["arm"]["mount"]

@@ -151,7 +151,7 @@ def mutated(text: str, rng: random.Random) -> str:
 
 
 def imported(path: Path) -> None:
-    scene = uvms_gym.import_urdf(path)
+    scene = uvms_gym.import_robot(path)
     assert uvms_gym.load_scene(scene) == scene
 
 

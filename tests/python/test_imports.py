@@ -13,7 +13,7 @@ import uvms_gym
 LAYERS = (
     ("uvms_gym.inputs",),
     ("uvms_gym._core", "uvms_gym._extras", "uvms_gym._files", "uvms_gym._rotations"),
-    ("uvms_gym._scene", "uvms_gym._task", "uvms_gym._step"),
+    ("uvms_gym._scene", "uvms_gym._task", "uvms_gym._step", "uvms_gym._importing"),
     (
         "uvms_gym.controllers",
         "uvms_gym.envs",

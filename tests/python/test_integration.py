@@ -45,7 +45,7 @@ def stiff(tmp_path: Path) -> dict[str, Any]:
     """A vehicle with an arm whose wrist has friction."""
     path = tmp_path / "wrist.urdf"
     path.write_text(WRIST)
-    return uvms_gym.import_urdf(path)
+    return uvms_gym.import_robot(path)
 
 
 def test_a_simulator_follows_its_scene_and_its_options_override_it() -> None:

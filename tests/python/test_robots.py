@@ -1,4 +1,4 @@
-"""Users' own robots: template, estimates, arms from URDF, warnings; the functions and their commands."""
+"""Users' own robots: template, estimates, robots from files, warnings; the functions and their commands."""
 
 import json
 import os
@@ -44,7 +44,7 @@ def test_an_estimate_takes_numpy_and_files(tmp_path: Path) -> None:
 
 
 def test_an_imported_arm_runs() -> None:
-    scene = uvms_gym.import_urdf(URDF, "bluerov2-heavy", mount=[0.19, 0, -0.12, np.pi, 0, 0])
+    scene = uvms_gym.import_robot(URDF, vehicle="bluerov2-heavy", mount=[0.19, 0, -0.12, np.pi, 0, 0])
     simulator = Simulator(scene, 2)
     shipped = Simulator("bluerov2-heavy-alpha5")
     q = np.array([0.3, 0.5, 0.7, 0.9])
@@ -68,7 +68,7 @@ def test_an_imported_arm_runs() -> None:
 )
 def test_an_import_that_cannot_be_says_so(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
-        uvms_gym.import_urdf(URDF, **options)
+        uvms_gym.import_robot(URDF, **options)
 
 
 def test_a_dumped_scene_reads_back(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.Capture
     assert main(["scenes", "import", str(URDF), "--mount", mount, "--out", str(path)]) == 0
     out = capsys.readouterr().out
     assert "wrist: geometry is a mesh" in out and "foot: merged into mount" in out
-    assert uvms_gym.load_scene(path) == uvms_gym.import_urdf(URDF, mount=[float(x) for x in mount.split(",")])
+    assert uvms_gym.load_scene(path) == uvms_gym.import_robot(URDF, mount=[float(x) for x in mount.split(",")])
     assert main(["scenes", "import", str(URDF)]) == 0
     assert tomllib.loads(capsys.readouterr().out)["arm"]["name"] == "Reach Alpha 5"
 
@@ -160,10 +160,10 @@ def chain(count: int) -> str:
 def test_thousands_of_links_are_imported_soon(tmp_path: Path) -> None:
     path = tmp_path / "long.urdf"
     path.write_text(chain(30000))
-    assert [link["name"] for link in uvms_gym.import_urdf(path)["arm"]["links"]] == ["l1"]
+    assert [link["name"] for link in uvms_gym.import_robot(path)["arm"]["links"]] == ["l1"]
     path.write_text(chain(5).replace('link="l0"/><child link="l1"', 'link="l5"/><child link="l1"'))
-    with pytest.raises(SceneError, match=r'line 1: link "l1": is part of a loop of joints'):
-        uvms_gym.import_urdf(path)
+    with pytest.raises(SceneError, match=r'line 3: link "l1": is part of a loop of joints'):
+        uvms_gym.import_robot(path)
 
 
 def test_elements_with_very_many_attributes_are_refused_by_their_line(tmp_path: Path) -> None:
@@ -171,11 +171,11 @@ def test_elements_with_very_many_attributes_are_refused_by_their_line(tmp_path: 
     many = " ".join(f"a{i}='1'" for i in range(100000))
     path.write_text(chain(2).replace('<joint name="j1"', f'<joint {many} name="j1"'))
     with pytest.raises(SceneError, match=r"line 5: <joint>: has 100002 attributes, but at most 100 are read"):
-        uvms_gym.import_urdf(path)
+        uvms_gym.import_robot(path)
 
 
 def test_pipes_devices_and_large_files_are_not_read(tmp_path: Path) -> None:
-    for read, suffix in ((uvms_gym.load_scene, "toml"), (uvms_gym.estimate, "toml"), (uvms_gym.import_urdf, "urdf")):
+    for read, suffix in ((uvms_gym.load_scene, "toml"), (uvms_gym.estimate, "toml"), (uvms_gym.import_robot, "urdf")):
         pipe, large = tmp_path / f"pipe.{suffix}", tmp_path / f"large.{suffix}"
         if not pipe.exists():
             os.mkfifo(pipe)

@@ -58,7 +58,7 @@ _register(
 )
 _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
-_register(scenes_app, compose, **{"import": robots.import_arm})
+_register(scenes_app, compose, **{"import": robots.import_robot})
 app.add_typer(scenes_app, name="scenes")
 
 

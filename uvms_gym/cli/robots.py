@@ -1,4 +1,4 @@
-"""`uvms scenes template`, `estimate` and `import`: scenes from a template, from shapes, or from a URDF file."""
+"""`uvms scenes template`, `estimate` and `import`: scenes from a template, from shapes, or from a robot's file."""
 
 import re
 from pathlib import Path
@@ -97,28 +97,55 @@ def _of_options(error: Exception, *texts: list[str] | None) -> Exception:
     return ValueError(f"--{found[2].replace('_', '-')}{shape}{found[3]}")
 
 
-def import_arm(
-    urdf: Annotated[Path, Argument(metavar="URDF", help="URDF file; a xacro file must be expanded first.")],
-    vehicle: Annotated[str, Option(metavar="SCENE", help="Scene with the water and the vehicle.")] = "bluerov2-heavy",
+def import_robot(
+    file: Annotated[Path, Argument(metavar="FILE", help="URDF, SDF, MJCF or YAML file; xacro must be expanded first.")],
+    vehicle: Annotated[
+        str | None,
+        Option(
+            metavar="SCENE",
+            help="Scene whose vehicle takes the place of the file's. [default: bluerov2-heavy under an arm alone]",
+        ),
+    ] = None,
     mount: Annotated[
-        str, Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Pose of the base link in the vehicle frame, m and rad.")
-    ] = "0,0,0,0,0,0",
+        str | None,
+        Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Pose of the first link in that vehicle's frame, m and rad."),
+    ] = None,
     base: Annotated[str | None, Option(metavar="LINK", help="First link. [default: the root]")] = None,
-    tip: Annotated[str | None, Option(metavar="LINK", help="Last link. [default: the only leaf]")] = None,
+    tip: Annotated[
+        list[str] | None,
+        Option(metavar="[NAME=]LINK", help="End effector; may be repeated. [default: the ends that are no fingers]"),
+    ] = None,
+    lock: Annotated[list[str] | None, Option(metavar="JOINT", help="Joint to freeze; may be repeated.")] = None,
+    keep: Annotated[
+        list[str] | None, Option(metavar="JOINT", help="The only joint that moves; may be repeated. [default: all]")
+    ] = None,
+    density: Annotated[
+        list[str] | None,
+        Option(
+            metavar="[LINK=]RHO",
+            help="Density of a link, or of all without mass, kg/m3, of which shapes make masses; may be repeated.",
+        ),
+    ] = None,
     out: File = None,
     force: Force = False,
 ) -> None:
-    """Make a scene from a vehicle and the arm of a URDF file."""
-    numbers = _numbers("--mount", mount)
+    """Make a scene of a robot's file: a vehicle with its arms, or an arm on the vehicle of a scene."""
+    pose = None if mount is None else _numbers("--mount", mount)
+    densities = [_density(text) for text in density or ()]
+    chosen: dict[str, Any] = {"tip": tip, "lock": lock or (), "keep": keep or (), "density": densities}
     with user_errors():
-        scene, notes = import_with_notes(urdf, vehicle, mount=numbers, base=base, tip=tip)
+        scene, notes = import_with_notes(file, vehicle=vehicle, mount=pose, base=base, **chosen)
         warnings = uvms_gym.lint_scene(scene)
-    heading = [f"{urdf.name} on the vehicle of {vehicle}, by uvms scenes import.", *notes]
-    text = "".join(f"# {line}\n" for line in heading) + uvms_gym.dump_scene(scene)
-    write_text(text, out, force)
+    text = "".join(f"# {line}\n" for line in [f"{file.name}, by uvms scenes import.", *notes])
+    write_text(text + uvms_gym.dump_scene(scene), out, force)
     if out is not None:
         for note in [*notes, *(f"warning: {warning}" for warning in warnings)]:
             console.print(f"- {note}", markup=False)
+
+
+def _density(text: str) -> tuple[str | None, float]:
+    link, equals, number = text.rpartition("=")
+    return link if equals else None, _numbers("--density", number)[0]
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -19,7 +19,7 @@ const LAYERS: [(&str, &str); 21] = [
     ("terms", "lane lie keys"),
     ("description", "keys terms"),
     ("estimate", "keys description"),
-    ("urdf", "description estimate"),
+    ("robot", "keys description estimate"),
     ("system", "lane lie spatial hydro terms description"),
     ("dynamics", "lane lie spatial hydro terms description system"),
     ("integrate", "lane lie"),
@@ -32,7 +32,7 @@ const LAYERS: [(&str, &str); 21] = [
     (
         "python",
         "optimize planning lane limits lie spatial hydro terms description system dynamics integrate control task batch estimate \
-         urdf render",
+         robot render",
     ),
 ];
 

@@ -1,11 +1,13 @@
-//! Arms from URDF: against a shipped scene, and malformed ones.
+//! Robots from URDF: an arm against a shipped scene, and malformed files.
+
+mod whole;
 
 use nalgebra::Vector3;
-use uvms_gym::description::{Frame, JointKind, Origin, Scene};
+use uvms_gym::description::{Frame, JointKind, MAX_JOINTS, Origin, Scene};
 use uvms_gym::error::DescriptionError;
-use uvms_gym::urdf::{Import, Imported};
+use uvms_gym::robot::{Assembly, Imported, Robot};
 
-const ALPHA: &str = include_str!("../golden/alpha5.urdf");
+const ALPHA: &str = include_str!("../../golden/alpha5.urdf");
 
 fn vehicle() -> Scene {
     Scene::shipped("bluerov2-heavy").unwrap()
@@ -13,7 +15,10 @@ fn vehicle() -> Scene {
 
 fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, DescriptionError> {
     let mount = Frame { position: Vector3::new(0.19, 0.0, -0.12), rpy: Vector3::new(std::f64::consts::PI, 0.0, 0.0) };
-    Import { vehicle: &vehicle(), mount, base, tip }.from_text(text, "folder/arm.urdf")
+    let tips: Vec<_> = tip.iter().map(|tip| (tip.to_string(), tip.to_string())).collect();
+    let vehicle = vehicle();
+    let settings = Assembly { vehicle: Some(&vehicle), mount, base, tips: &tips, ..Assembly::default() };
+    settings.of(&Robot::from_text(text, "folder/arm.urdf")?)
 }
 
 fn accepted(text: &str) -> Imported {
@@ -115,7 +120,7 @@ fn fixed_joints_merge_links_by_the_parallel_axis_rule() {
 }
 
 #[test]
-fn a_tree_needs_a_tip_and_off_the_chain_is_merged() {
+fn base_and_tip_choose_among_the_joints_of_a_tree() {
     let continuous = |name: &str, parent: &str, child: &str| joint(name, "continuous", parent, child, "");
     let text = robot(
         &(link("base")
@@ -126,19 +131,13 @@ fn a_tree_needs_a_tip_and_off_the_chain_is_merged() {
             + &continuous("l", "arm", "left")
             + &continuous("r", "arm", "right")),
     );
-    let message = import(&text, None, None).unwrap_err().to_string();
-    for part in ["folder/arm.urdf: line 8: link \"arm\"", "\"left\" by joint \"l\" and to \"right\"", "choose the tip"]
-    {
-        assert!(message.contains(part), "{message}");
-    }
-    let Imported { scene, notes } = import(&text, None, Some("left")).unwrap();
-    let arm = scene.arm.unwrap();
-    let masses: Vec<_> = arm.links.iter().map(|link| (link.name.as_str(), link.body.as_ref().unwrap().mass)).collect();
-    assert_eq!(masses, [("arm", 2.0), ("left", 1.0)]);
-    assert!(notes.iter().any(|note| note.contains("r: a moving joint outside the chain, fixed at 0")), "{notes:?}");
+    let arm = import(&text, None, Some("left")).unwrap().scene.arm.unwrap();
+    let links: Vec<_> = arm.links.iter().map(|link| (link.name.as_str(), link.parent.as_deref())).collect();
+    assert_eq!(links, [("arm", None), ("left", None), ("right", Some("arm"))]);
+    assert_eq!(arm.end_effector.on.as_deref(), Some("left"));
     assert!(arm.links.iter().all(|link| link.joint.limits.is_none() && link.joint.effort.is_none()));
-    // From the middle on, and a chain without joints.
-    assert_eq!(import(&text, Some("arm"), Some("right")).unwrap().scene.arm.unwrap().links.len(), 1);
+    // From the middle on, and a link without joints.
+    assert_eq!(import(&text, Some("arm"), Some("right")).unwrap().scene.arm.unwrap().links.len(), 2);
     let tool = import(&text, Some("right"), Some("right")).unwrap().scene.arm.unwrap();
     assert!(tool.links.is_empty() && tool.base.unwrap().mass == 1.0);
 }
@@ -157,7 +156,7 @@ fn traits_that_do_not_matter_to_the_scene_are_noted() {
         (move_("<origin xyz='0 0 1'/><origin xyz='0 0 2'/>"), "joint \"j\" <origin>", "a second one is ignored"),
         (
             move_("") + "<link name='lamp'/>" + &joint("k", "revolute", "foot", "lamp", "<limit lower='1' upper='1'/>"),
-            "joint \"k\"",
+            "k",
             "locked at 1",
         ),
         (move_("") + "<link name='lamp'/>" + &joint("k", "fixed", "foot", "lamp", "<axis xyz='0 0 0'/>"), "", ""),
@@ -186,8 +185,10 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
     };
     let cases: Vec<(String, &[&str])> = vec![
         ("<robot name='r'>\n<link</robot>".into(), &["line 2"]),
-        ("".into(), &["line 1"]),
-        ("<sdf/>".into(), &["<sdf>", "must be <robot>"]),
+        ("\n".into(), &["line 1", "the file", "is empty"]),
+        ("<scenario/>".into(), &["<scenario>", "a Stonefish scenario", "must be <robot>"]),
+        ("<robot><a:b></robot>".into(), &["line 1"]),
+        ("<!DOCTYPE r [<!ENTITY a 'a'>]>\n<robot/>".into(), &["line 1", "<!DOCTYPE>", "remove it"]),
         (robot(""), &["<robot>", "has no <link>"]),
         (robot("<link/>"), &["line 2", "<link>", "attribute name"]),
         (robot(&(link("a") + &link("a"))), &["line 3", "\"a\"", "taken"]),
@@ -202,7 +203,7 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
         (with("continuous", "<axis/>"), &["joint \"j\" <axis>", "attribute xyz is missing"]),
         (with("continuous", "<origin xyz='0 0 inf'/>"), &["joint \"j\" <origin>", "xyz=\"0 0 inf\""]),
         (with("continuous", "<dynamics damping='-1'/>"), &["joint \"j\" <dynamics>", "damping is -1"]),
-        (with("continuous", "<mimic joint='k'/>"), &["joint \"j\" <mimic>", "not supported"]),
+        (with("continuous", "<mimic/>"), &["joint \"j\" <mimic>", "attribute joint is missing"]),
         (
             robot(&(two.clone() + &joint("j", "fixed", "foot", "leg", ""))),
             &["joint \"j\" <child>", "unknown link \"leg\""],
@@ -224,7 +225,6 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
         (masses("", "1"), &["link \"hull\" <inertial> <mass>", "attribute value is missing"]),
         (masses("value='-3'", "1"), &["link \"hull\" <inertial> <mass>", "value is -3"]),
         (masses("value='1'", "-1"), &["link \"hull\" <inertial> <inertia>", "-1.0000e0"]),
-        (masses("value='1'", "5"), &["link \"hull\" <inertial> <inertia>", "5.0000e0", "sum of the others"]),
         (masses("value='1'", "heavy"), &["<inertia>", "ixx=\"heavy\""]),
         (hull("<inertial><mass value='1'/></inertial>"), &["link \"hull\" <inertial>", "<inertia> is missing"]),
         (hull("<collision/>"), &["link \"hull\" <collision>", "<geometry> is missing"]),
@@ -248,13 +248,18 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
 }
 
 #[test]
-fn seventeen_moving_joints_are_one_too_many() {
-    let names: Vec<_> = (0..18).map(|i| format!("l{i}")).collect();
+fn more_joints_than_there_can_be_are_refused_by_their_names() {
+    let names: Vec<_> = (0..MAX_JOINTS + 2).map(|i| format!("l{i}")).collect();
     let links: String = names.iter().map(|name| link(name)).collect();
-    let joints = |n: usize| -> String {
-        (0..n).map(|i| joint(&format!("j{i}"), "continuous", &names[i], &names[i + 1], "")).collect()
-    };
-    let message = import(&robot(&(links.clone() + &joints(17))), None, None).unwrap_err().to_string();
-    assert!(message.contains("17 moving joints") && message.contains("at most 16"), "{message}");
-    assert_eq!(import(&robot(&(links + &joints(17))), Some("l1"), None).unwrap().scene.joints().count(), 16);
+    let count = MAX_JOINTS + 1;
+    let joints: String =
+        (0..count).map(|i| joint(&format!("j{i}"), "continuous", &names[i], &names[i + 1], "")).collect();
+    let text = robot(&(links + &joints));
+    let message = import(&text, None, None).unwrap_err().to_string();
+    for part in
+        [format!("{count} moving joints"), format!("at most {MAX_JOINTS}"), "j0, j1".to_owned(), "--lock".to_owned()]
+    {
+        assert!(message.contains(&part), "{message}");
+    }
+    assert_eq!(import(&text, Some("l1"), None).unwrap().scene.joints().count(), MAX_JOINTS);
 }

@@ -11,6 +11,9 @@ use crate::error::DescriptionError;
 /// Maximum magnitude of a number, as for scenes.
 const MAX_MAGNITUDE: f64 = 1e12;
 
+/// Magnitude of a limit beyond which it is none.
+const UNBOUNDED: f64 = 1e6;
+
 /// Maximum number of an element's attributes.
 const ATTRIBUTES: usize = 100;
 
@@ -31,7 +34,7 @@ pub type Result<T> = std::result::Result<T, DescriptionError>;
 /// An error in an element.
 pub fn error(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
     let (source_name, element, problem) = (source.to_owned(), element.to_owned(), problem.into());
-    DescriptionError::Urdf { source_name, line, element, problem }
+    DescriptionError::Robot { source_name, line, element, problem }
 }
 
 impl<'a> Element<'a> {
@@ -86,6 +89,12 @@ impl<'a> Element<'a> {
 
     pub fn number(&self, attribute: &str) -> Result<Option<f64>> {
         Ok(self.numbers::<1>(attribute)?.map(|[x]| x))
+    }
+
+    /// A number, None if it is so large that it stands for no bound.
+    pub fn bound(&self, attribute: &str) -> Result<Option<f64>> {
+        let raw = self.node.attribute(attribute).and_then(|text| text.trim().parse::<f64>().ok());
+        if raw.is_some_and(|x| x.abs() > UNBOUNDED) { Ok(None) } else { self.number(attribute) }
     }
 
     pub fn needed_numbers<const N: usize>(&self, attribute: &str) -> Result<[f64; N]> {
