@@ -1,5 +1,6 @@
 //! Robots from URDF: an arm against a shipped scene, and malformed files.
 
+mod masses;
 mod whole;
 
 use nalgebra::Vector3;
