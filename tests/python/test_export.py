@@ -42,14 +42,19 @@ def at_random_state(scene: dict[str, Any], seed: int) -> Simulator:
     return simulator
 
 
+def frames(simulator: Simulator) -> list[str]:
+    """Names in our files of the end effectors, in the order of `end_effector_names`."""
+    return ["end_effector" if name == "default" else name for name in simulator.end_effector_names]
+
+
 def equations(simulator: Simulator) -> dict[str, Any]:
-    """Mass matrix, inertial and gravity forces (rows [vehicle; joints]) and pose of the end effector."""
+    """Mass matrix, inertial and gravity forces (rows [vehicle; joints]) and poses of the end effectors."""
     terms = simulator.equations()
     return {
         "mass matrix": simulator.mass_matrix()[0],
         "bias": simulator.bias()[0],
         "gravity": terms["g"][0],
-        "end effector": simulator.end_effector_pose()[0],
+        "end effectors": np.stack([simulator.end_effector_pose(name)[0] for name in simulator.end_effector_names]),
     }
 
 
@@ -92,7 +97,7 @@ def by_pinocchio(simulator: Simulator) -> dict[str, Any]:
         "mass matrix": mass[np.ix_(order, order)],
         "bias": bias[order],
         "gravity": gravity[order],
-        "end effector": data.oMf[model.getFrameId("end_effector")].homogeneous,
+        "end effectors": np.stack([data.oMf[model.getFrameId(name)].homogeneous for name in frames(simulator)]),
     }
 
 
@@ -122,9 +127,10 @@ def by_mujoco(simulator: Simulator) -> dict[str, Any]:
     # v' = R^T v_w' - omega x v.
     spin = np.concatenate([np.cross(twist[3:], twist[:3]), np.zeros(model.nv - 3)])
     bias = (turned @ (data.qfrc_bias - data.qfrc_gravcomp - gravity))[order] + mass @ spin
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = data.site("end_effector").xmat.reshape(3, 3), data.site("end_effector").xpos
-    return {"mass matrix": mass, "bias": bias, "gravity": (turned @ gravity)[order], "end effector": pose}
+    poses = np.tile(np.eye(4), (len(frames(simulator)), 1, 1))
+    for pose, site in zip(poses, map(data.site, frames(simulator)), strict=True):
+        pose[:3, :3], pose[:3, 3] = site.xmat.reshape(3, 3), site.xpos
+    return {"mass matrix": mass, "bias": bias, "gravity": (turned @ gravity)[order], "end effectors": poses}
 
 
 @pytest.mark.parametrize("tree", TREES)

@@ -41,24 +41,28 @@ def scene(rng: np.random.Generator, links: list[dict[str, Any]], **arm: Any) -> 
 
 
 def random_tree(seed: int) -> dict[str, Any]:
-    """A tree of up to twelve links on vehicle, base and each other, some fixed, with or without base, q0, payload."""
+    """A tree of up to twelve links, some fixed, and two end effectors; with or without base, q0 and payload."""
     rng = np.random.default_rng(seed)
     links: list[dict[str, Any]] = []
+    carriers = ["vehicle", "base"]
     for k in range(int(rng.integers(1, 13))):
-        carriers = ["vehicle", "base", *(link["name"] for link in links)]
         links.append({"name": f"link-{k}", "parent": str(rng.choice(carriers)), "joint": joint(rng)})
         if fixed := rng.random() < 0.25:
             links[-1]["joint"] = {"kind": "fixed", "frame": joint(rng)["frame"]}
+        carriers.append(f"link-{k}")
         # A link that is fixed may be a mere frame.
         if not fixed or rng.random() < 0.5:
             links[-1]["body"] = body(rng, float(rng.uniform(1.0, 5.0)), 0.4)
     made = scene(rng, links)
+    made["arm"]["end_effector"]["on"] = str(rng.choice(carriers))
+    made["arm"]["end_effectors"] = {"second": joint(rng)["frame"] | {"on": str(rng.choice(carriers))}}
     if rng.random() < 0.5:
         made["arm"]["base"] = body(rng, 3.0, 0.3)
         if rng.random() < 0.5:
             made["arm"]["mount"]["joint"] = joint(rng)
     if rng.random() < 0.5:
-        made["payload"] = {"frame": joint(rng)["frame"], "body": body(rng, 2.0, 0.2)}
+        on = str(rng.choice(["default", "second"]))
+        made["payload"] = {"on": on, "frame": joint(rng)["frame"], "body": body(rng, 2.0, 0.2)}
     return made
 
 
