@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym import SceneError, Simulator
+from uvms_gym import SceneError, Simulator, _core
 from uvms_gym.cli import main
 
 ROBOTS = Path(__file__).parents[1] / "data/robots"
@@ -37,7 +37,7 @@ def compare(actual: Any, expected: Any) -> None:
 @pytest.mark.parametrize("robot", GOLDEN, ids=[robot["file"] for robot in GOLDEN])
 def test_an_imported_robot_moves_as_pinocchio_has_it_move(robot: dict[str, Any]) -> None:
     path, free = ROBOTS / f"{robot['file']}.urdf", robot["free"]
-    read = {joint["name"]: joint["child"] for joint in uvms_gym._core.read_robot(path)["joints"]}
+    read = {joint["name"]: joint["child"] for joint in _core.read_robot(path)["joints"]}
     scene = dry(uvms_gym.import_robot(path))
     scene["vehicle"]["fixed"] = not free
     assert [link["name"] for link in scene["arm"]["links"]] == [read[name] for name in robot["joints"]]
@@ -87,11 +87,11 @@ def test_densities_make_masses(tmp_path: Path) -> None:
 
 
 def test_a_robot_can_be_amended_as_plain_data() -> None:
-    robot = uvms_gym._core.read_robot(ROBOTS / "vehicle-with-propellers.urdf")
+    robot = _core.read_robot(ROBOTS / "vehicle-with-propellers.urdf")
     robot["thrusters"] = [{"name": joint, "joint": joint, "limits": [-5, 5]} for joint in ("p1", "p2")]
-    scene, notes = uvms_gym._core.assemble_robot(robot)
+    scene, notes = _core.assemble_robot(robot)
     assert [thruster["limits"] for thruster in scene["vehicle"]["thrusters"]] == [[-5.0, 5.0]] * 2
     assert any(note.startswith("p1: turns the propeller") for note in notes)
     for wrong, message in (({"links": []}, "the robot|<robot>: has no links"), ({"joints": [{"axle": 1}]}, "axle")):
         with pytest.raises(SceneError, match=message):
-            uvms_gym._core.assemble_robot(robot | wrong)
+            _core.assemble_robot(robot | wrong)

@@ -108,14 +108,19 @@ def import_robot(
     ] = None,
     mount: Annotated[
         str | None,
-        Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Pose of the first link in that vehicle's frame, m and rad."),
+        Option(
+            metavar="X,Y,Z,ROLL,PITCH,YAW",
+            help="Pose of the first link on that vehicle, m and rad. [default: 0]",
+        ),
     ] = None,
     base: Annotated[str | None, Option(metavar="LINK", help="First link. [default: the root]")] = None,
     tip: Annotated[
         list[str] | None,
         Option(metavar="[NAME=]LINK", help="End effector; may be repeated. [default: the ends that are no fingers]"),
     ] = None,
-    lock: Annotated[list[str] | None, Option(metavar="JOINT", help="Joint to freeze; may be repeated.")] = None,
+    lock: Annotated[
+        list[str] | None, Option(metavar="JOINT", help="Joint to freeze; may be repeated. [default: none]")
+    ] = None,
     keep: Annotated[
         list[str] | None, Option(metavar="JOINT", help="The only joint that moves; may be repeated. [default: all]")
     ] = None,
@@ -123,7 +128,7 @@ def import_robot(
         list[str] | None,
         Option(
             metavar="[LINK=]RHO",
-            help="Density of a link, or of all without mass, kg/m3, of which shapes make masses; may be repeated.",
+            help="Density, kg/m3, of a link or of all without mass; may be repeated. [default: none]",
         ),
     ] = None,
     out: File = None,
