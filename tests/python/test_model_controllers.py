@@ -212,7 +212,8 @@ def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
         _ = controller.kq
     with pytest.raises(TypeError, match="unexpected argument 'kq'; gains: "):
         kind(scene="petasus-pum", kq=1.0)
-    with pytest.raises(ValueError, match="must be a number or a list of numbers"):
+    allowed = "a list of names" if name == "hold" else "a number or a list of numbers"
+    with pytest.raises(ValueError, match=f"must be {allowed}"):
         kind(**{name: "large"})
 
 
