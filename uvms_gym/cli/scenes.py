@@ -9,7 +9,6 @@ import typer
 from typer import Option
 
 import uvms_gym
-from uvms_gym import _core
 from uvms_gym._scene import bodies, buoyancy_of
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.options import Json, SceneArgument, ranged
@@ -39,7 +38,7 @@ def list_scenes() -> None:
         rows.append((name, summary, _freedom(simulator), simulator.num_joints, simulator.num_thrusters))
     table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
     parts = []
-    for name in _core.arm_names():
+    for name in uvms_gym.arm_names():
         scene = {"name": name, "vehicle": {"file": "bluerov2-heavy"}, "arm": {"file": name}}
         simulator = uvms_gym.Simulator(scene)
         parts.append((name, simulator.scene["arm"]["name"], simulator.num_joints))
