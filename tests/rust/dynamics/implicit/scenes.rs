@@ -47,7 +47,8 @@ fn errors(truth: &[State], states: &[State]) -> Vec<f64> {
 }
 
 /// Bounds of the median and the maximum error of any coordinate, twist or rate at the ends of 100 s, in SI units. The
-/// maxima belong to joint rates of the Alpha arm, whose modes reach 50 1/s, and of its jaws at their stops. Nothing holds the REMUS, which wanders off.
+/// maxima belong to joint rates of the Alpha arm, whose modes reach 50 1/s, and of its jaws at their stops. Nothing holds the
+/// REMUS, which wanders off.
 const BOUNDS: [(&str, f64, f64); 10] = [
     ("petasus-pum", 3e-3, 1e-2),
     ("bluerov2-heavy-alpha5", 1e-2, 0.1),
