@@ -211,13 +211,15 @@ impl<'a> Tree<'a> {
             let either = |is: &dyn Fn(&str) -> bool| is(&joint.name) || is(&joint.child);
             let turns = joint.kind == RobotJointKind::Continuous;
             let light = masses[*link] > 0.0 && masses[*link] <= ROTOR * hull;
-            let what = if turns && either(&|name| is_propeller(name) || says(name, &ROTORS)) {
+            // Where the file states thrusters, it states all of them.
+            let named = self.robot.thrusters.is_empty() && either(&|name| is_propeller(name) || says(name, &ROTORS));
+            let what = if turns && named {
                 frozen.rotors = true;
                 frozen.propellers.push(j);
                 "a propeller, by its name: a thruster along its axis"
-            } else if turns && light {
+            } else if turns && (light || either(&is_propeller)) {
                 frozen.rotors = true;
-                "a propeller, as it is light and turns freely: locked at 0, without a thruster, as the file states none"
+                "a propeller, as it turns freely: locked at 0, without a thruster, as the file states none for it"
             } else if light && either(&|name| says(name, &FINS)) {
                 "a fin: locked at 0, and its lift is not read"
             } else {
