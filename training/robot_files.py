@@ -64,7 +64,7 @@ def outcome(found: dict[str, Any]) -> str:
     """Last column of a row."""
     for key, text in (("refused", "refused: {}"), ("failed", "FAILED: {}"), ("diverged", "diverged in period {}")):
         if key in found:
-            return text.format(found[key])
+            return text.format(found[key]).replace("<", r"\<").replace("|", r"\|")
     return f"{100 * found['error']:.1f} cm" if "error" in found else "no thrusters"
 
 
