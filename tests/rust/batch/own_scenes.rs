@@ -221,7 +221,13 @@ struct Instance {
 impl Instance {
     fn new(seed: u64, scene: Scene, with_factors: bool) -> Self {
         let mut random = Random::new(seed ^ 0x0DD);
-        let state = random_state(seed, &scene);
+        let mut state = random_state(seed, &scene);
+        // Far beyond the stops of a light finger their damping is too fast for the step.
+        for (q, joint) in state.q.iter_mut().zip(scene.joints()) {
+            if let Some(limits) = &joint.limits {
+                *q = q.clamp(limits.lower - 0.1, limits.upper + 0.1);
+            }
+        }
         let mut factors = Factors::ONE;
         if with_factors && seed.is_multiple_of(2) {
             factors = Factors::from_array(std::array::from_fn(|_| random.between(0.7, 1.4)));
