@@ -29,7 +29,7 @@ pub use super::link::Scratch;
 use super::link::{
     Branches, Drive, LinkScratch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier, with_zeros,
 };
-use crate::lane::{Lane, Param, Routine};
+use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
@@ -149,57 +149,47 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    if system.tree {
-        cold_path();
-        L::call(&mut OfTree { system, at, loads, scratch, twist_rate, qdd });
-    } else {
-        passes::<_, _, _, false>(system, at, loads, scratch, twist_rate, qdd);
-    }
-}
-
-/// [`accelerations`] of a tree, which the kernels of all methods share.
-struct OfTree<'a, 'b, L: Lane, P, B> {
-    system: &'a System<P, B>,
-    at: &'a Instant<'b, L>,
-    loads: &'a ArmLoads<L>,
-    scratch: &'a mut Scratch<L>,
-    twist_rate: &'a mut Vector6<L>,
-    qdd: &'a mut [L; JOINTS],
-}
-
-impl<L: Lane, P: Param<L>, B: Param<L>> Routine<L> for OfTree<'_, '_, L, P, B> {
-    #[inline(always)]
-    fn run(&mut self) {
-        passes::<_, _, _, true>(self.system, self.at, self.loads, self.scratch, self.twist_rate, self.qdd);
-    }
-}
-
-/// [`accelerations`], of a chain or of a `TREE`.
-#[inline(always)]
-fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
-    system: &System<P, B>,
-    at: &Instant<L>,
-    loads: &ArmLoads<L>,
-    scratch: &mut Scratch<L>,
-    twist_rate: &mut Vector6<L>,
-    qdd: &mut [L; JOINTS],
-) {
     let Instant { is_start, gravity, twist, q, qd, .. } = *at;
     let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
+    if joints.is_empty() {
+        let none = (SpatialInertia::zero(), Vector6::zero());
+        *twist_rate = if system.sparse {
+            vehicle_rate::<_, _, _, true>(system, at, &none.0, none.1)
+        } else {
+            vehicle_rate::<_, _, _, false>(system, at, &none.0, none.1)
+        };
+        return;
+    }
+    let Scratch { links, branches } = scratch;
+    let links = &mut links[..joints.len()];
 
+    if system.tree {
+        cold_path();
+        branches.clear();
+    }
     joint_screws(joints, is_start, q, links);
     let (mut g, mut V) = (gravity, twist);
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
-    if system.z_aligned && !TREE {
+    if system.z_aligned {
         for i in 0..joints.len() {
+            if let Some(carrier) = joints[i].branch.carrier {
+                cold_path();
+                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             if let Some(central) = &joint.body.central {
                 central.bias_z_aligned(V, g, &mut link.p);
             }
+            if joint.branch.forks {
+                cold_path();
+                (link.g, link.V) = (g, V);
+                if let (Some(payload), false) = (&joint.body.payload, B::SHARED) {
+                    payload.add_bias(V, g, &mut link.p);
+                }
+            }
         }
-        // In a chain only the last link can carry a payload.
+        // A payload is on the last link, or on one that `forks`.
         if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
             && let (Some(payload), false) = (&joint.body.payload, B::SHARED)
         {
@@ -207,12 +197,14 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
         }
     } else {
         for i in 0..joints.len() {
-            if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
+            if let Some(carrier) = joints[i].branch.carrier {
+                cold_path();
                 (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
-            if TREE && joint.branch.forks {
+            if joint.branch.forks {
+                cold_path();
                 (link.g, link.V) = (g, V);
             }
             body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
@@ -224,15 +216,16 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
         }
     }
 
-    if system.sparse && !TREE {
-        inward::<_, _, _, true, TREE>(system, at, loads, links, twist_rate);
+    if system.sparse {
+        inward::<_, _, _, true>(system, at, loads, links, branches, twist_rate);
     } else {
-        inward::<_, _, _, false, TREE>(system, at, loads, links, twist_rate);
+        inward::<_, _, _, false>(system, at, loads, links, branches, twist_rate);
     }
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
-        if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
             (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
         }
         let (joint, link) = (&joints[i], &links[i]);
@@ -261,7 +254,8 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
         };
         qdd[i] = qdd_i;
         V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
-        if TREE && joint.branch.forks {
+        if joint.branch.forks {
+            cold_path();
             links[i].V = V_dot;
         }
     }
@@ -269,23 +263,24 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
 
 /// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
 #[inline(always)]
-fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const TREE: bool>(
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
     links: &mut [LinkScratch<L>],
+    branches: &mut Branches<L>,
     twist_rate: &mut Vector6<L>,
 ) {
-    let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
+    let Instant { q, qd, time, .. } = *at;
     let joints = system.chain();
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
-    let mut branches = Branches::new();
     for i in (0..joints.len().min(links.len())).rev() {
         // Both are there for every i; `get` leaves no call that reports an index out of bounds.
         let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        if TREE && joint.branch.forks {
+        if joint.branch.forks {
+            cold_path();
             branches.take(i + 1, &mut I_children, &mut p_children);
         }
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
@@ -328,21 +323,32 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const TREE: boo
             };
             (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a))
         };
-        if let (true, Some(carrier)) = (TREE, joint.branch.carrier) {
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
             branches.add(carrier, &mut I_children, &mut p_children);
+        } else if i == 0 && system.tree {
+            cold_path();
+            branches.take(0, &mut I_children, &mut p_children);
         }
     }
-    if TREE {
-        branches.take(0, &mut I_children, &mut p_children);
-    }
 
-    *twist_rate = if system.fixed {
-        Vector6 { linear: fixed_rate, angular: Vector3::zero() }
-    } else {
-        let mut p = Vector6::zero();
-        body_bias::<_, _, SPARSE>(&system.vehicle, twist, gravity, &mut p);
-        I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(wrench - (p + p_children))
-    };
+    *twist_rate = vehicle_rate::<_, _, _, SPARSE>(system, at, &I_children, p_children);
+}
+
+/// `V'` of the vehicle under the inertia and the bias wrench of what it carries.
+#[inline(always)]
+fn vehicle_rate<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
+    system: &System<P, B>,
+    at: &Instant<L>,
+    I_children: &SpatialInertia<L>,
+    p_children: Vector6<L>,
+) -> Vector6<L> {
+    if system.fixed {
+        return Vector6 { linear: at.fixed_rate, angular: Vector3::zero() };
+    }
+    let mut p = Vector6::zero();
+    body_bias::<_, _, SPARSE>(&system.vehicle, at.twist, at.gravity, &mut p);
+    I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(at.wrench - (p + p_children))
 }
 
 /// Twist of each link in its joint's frame, m/s and rad/s, relative to the same medium as `twist` of the vehicle.

@@ -22,7 +22,7 @@ use super::aba_implicit::Ahead;
 use super::body_adjoint::{AdjointMotion, BodyCotangents, add_factor_products, body_adjoint};
 use super::joint_torque::implicit_joint_torque;
 use super::joint_torque_adjoint::joint_torque_adjoint;
-use super::link::{Branches, add_joint_rate, at_carrier, joint_screws, motion_at_carrier, with_zeros};
+use super::link::{add_joint_rate, at_carrier, joint_screws, motion_at_carrier, with_zeros};
 use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -68,7 +68,6 @@ impl<L: Lane> InstantCotangents<L> {
 #[derive(Debug, Clone)]
 pub struct AdjointScratch<L> {
     scratch: Scratch<L>,
-    branches: Branches<L>,
     acceleration: [Vector6<L>; JOINTS],
     dual: [Vector6<L>; JOINTS],
     mu: [L; JOINTS],
@@ -84,7 +83,6 @@ impl<L: Lane> AdjointScratch<L> {
         let (zero, six) = (L::zero(), [Vector6::zero(); JOINTS]);
         Self {
             scratch: Scratch::new(),
-            branches: Branches::new(),
             acceleration: six,
             dual: six,
             mu: [zero; JOINTS],
@@ -160,7 +158,8 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let (h, zero) = (step.h, L::zero());
     let joints = system.chain();
     let n = joints.len();
-    let links = &mut memory.scratch.links[..n];
+    let Scratch { links, branches } = &mut memory.scratch;
+    let links = &mut links[..n];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, accelerations.twist);
     for i in 0..n {
@@ -179,7 +178,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
 
     if system.tree {
         cold_path();
-        memory.branches = Branches::new();
+        branches.clear();
     }
     // M lambda = cotangents: contributions of the outer links to I_A and to the bias.
     let (mut I_children, mut P_children) = (SpatialInertia::zero(), Vector6::zero());
@@ -187,7 +186,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         let (joint, link) = (&joints[i], &mut links[i]);
         if joint.branch.forks {
             cold_path();
-            memory.branches.take(i + 1, &mut I_children, &mut P_children);
+            branches.take(i + 1, &mut I_children, &mut P_children);
         }
         let I_A = effective_inertia::<L, IMPLICIT>(&joint.body, h, link.V, link.g).plus(&I_children);
         let U = if joint.is_prismatic() { I_A.column::<2>() } else { I_A.column::<5>() };
@@ -206,10 +205,10 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         I_children = link.inertia_to_parent(joint, &I_A.eliminated(U, over_D));
         if let Some(carrier) = joint.branch.carrier {
             cold_path();
-            memory.branches.add(carrier, &mut I_children, &mut P_children);
+            branches.add(carrier, &mut I_children, &mut P_children);
         } else if i == 0 && system.tree {
             cold_path();
-            memory.branches.take(0, &mut I_children, &mut P_children);
+            branches.take(0, &mut I_children, &mut P_children);
         }
     }
     let mut dual = Vector6::zero();

@@ -19,8 +19,8 @@ use std::hint::cold_path;
 
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
 use super::joint_torque::implicit_joint_torque;
-use super::link::{Branches, Drive, add_joint_rate, joint_screws, motion_at_carrier, with_zeros};
-use crate::lane::{Lane, Param, Routine, unroll};
+use super::link::{Drive, add_joint_rate, joint_screws, motion_at_carrier, with_zeros};
+use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 use crate::system::{BodyTerms, JOINTS, System};
@@ -68,51 +68,20 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    if system.tree {
-        cold_path();
-        L::call(&mut OfTree { system, at, ahead, loads, scratch, twist_rate, qdd });
-    } else {
-        passes::<_, _, _, false>(system, at, ahead, loads, scratch, twist_rate, qdd);
-    }
-}
-
-/// [`implicit_accelerations`] of a tree, which the kernels of all methods share.
-struct OfTree<'a, 'b, L: Lane, P, B> {
-    system: &'a System<P, B>,
-    at: &'a Instant<'b, L>,
-    ahead: Ahead<L>,
-    loads: &'a ArmLoads<L>,
-    scratch: &'a mut Scratch<L>,
-    twist_rate: &'a mut Vector6<L>,
-    qdd: &'a mut [L; JOINTS],
-}
-
-impl<L: Lane, P: Param<L>, B: Param<L>> Routine<L> for OfTree<'_, '_, L, P, B> {
-    #[inline(always)]
-    fn run(&mut self) {
-        passes::<_, _, _, true>(self.system, self.at, self.ahead, self.loads, self.scratch, self.twist_rate, self.qdd);
-    }
-}
-
-/// [`implicit_accelerations`], of a chain or of a `TREE`.
-#[inline(always)]
-fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
-    system: &System<P, B>,
-    at: &Instant<L>,
-    ahead: Ahead<L>,
-    loads: &ArmLoads<L>,
-    scratch: &mut Scratch<L>,
-    twist_rate: &mut Vector6<L>,
-    qdd: &mut [L; JOINTS],
-) {
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
+    let Scratch { links, branches } = scratch;
+    let links = &mut links[..joints.len()];
+    if system.tree {
+        cold_path();
+        branches.clear();
+    }
     joint_screws(joints, true, q, links);
     let (mut g, mut V) = (gravity, twist);
     for i in 0..joints.len() {
-        if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
             (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
@@ -122,14 +91,14 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
 
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
-    let mut branches = Branches::new();
     for i in (0..joints.len()).rev() {
         let (joint, link) = (&joints[i], &mut links[i]);
         let (I, mut p) = effective(&joint.body, h, link.V, link.g);
         if loads.on_links {
             p = p - loads.links[i];
         }
-        if TREE && joint.branch.forks {
+        if joint.branch.forks {
+            cold_path();
             branches.take(i + 1, &mut I_children, &mut p_children);
         }
         let I_A = I.plus(&I_children);
@@ -143,12 +112,13 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
             Drive::Torque { tau, damping: Some(damping) }
         };
         (I_children, p_children) = link.eliminate(joint, &I_A, p, drive);
-        if let (true, Some(carrier)) = (TREE, joint.branch.carrier) {
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
             branches.add(carrier, &mut I_children, &mut p_children);
+        } else if i == 0 && system.tree {
+            cold_path();
+            branches.take(0, &mut I_children, &mut p_children);
         }
-    }
-    if TREE {
-        branches.take(0, &mut I_children, &mut p_children);
     }
 
     if system.fixed {
@@ -170,14 +140,16 @@ fn passes<L: Lane, P: Param<L>, B: Param<L>, const TREE: bool>(
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
-        if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
+        if let Some(carrier) = joints[i].branch.carrier {
+            cold_path();
             (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         V_dot = link.twist_from_parent(joint, V_dot) + with_zeros(link.c);
         qdd[i] = link.u_over_D - link.U_over_D.dot(V_dot);
         V_dot = add_joint_rate(joint, V_dot, qdd[i]);
-        if TREE && joint.branch.forks {
+        if joint.branch.forks {
+            cold_path();
             link.V = V_dot;
         }
     }

@@ -50,6 +50,8 @@ pub(crate) enum Drive<L> {
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
+    /// Of trees alone.
+    pub(super) branches: Branches<L>,
 }
 
 /// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
@@ -91,13 +93,22 @@ pub(super) fn add_to_carrier<L: Lane>(
 
 /// Sums of what branches add to the bodies that carry them: entry 0 of the vehicle, k + 1 of the link of joint k.
 #[derive(Debug, Clone)]
-pub(super) struct Branches<L>([(SpatialInertia<L>, Vector6<L>); JOINTS + 1]);
+pub(crate) struct Branches<L>([(SpatialInertia<L>, Vector6<L>); JOINTS + 1]);
 
 impl<L: Lane> Branches<L> {
     /// Zeros.
     #[inline(always)]
     pub fn new() -> Self {
         Self([(SpatialInertia::zero(), Vector6::zero()); JOINTS + 1])
+    }
+
+    /// Sets all sums to 0.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        for (inertia, p) in &mut self.0 {
+            (inertia.m, inertia.h, inertia.j) = ([L::zero(); 6], [[L::zero(); 3]; 3], [L::zero(); 6]);
+            *p = Vector6::zero();
+        }
     }
 
     /// Moves inertia and bias wrench of a branch to the sum of its carrier, and leaves 0.
@@ -136,7 +147,7 @@ impl<L: Lane> Scratch<L> {
             p: none,
             u_over_D: zero,
         };
-        Self { links: [link; JOINTS] }
+        Self { links: [link; JOINTS], branches: Branches::new() }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.
