@@ -24,11 +24,10 @@
 
 use std::hint::cold_path;
 
+use super::branches::{Branches, at_carrier, motion_at_carrier};
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
-use super::link::{
-    Branches, Drive, LinkScratch, add_joint_rate, at_carrier, joint_screws, motion_at_carrier, with_zeros,
-};
+use super::link::{Drive, LinkScratch, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};

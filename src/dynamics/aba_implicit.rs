@@ -18,8 +18,9 @@
 use std::hint::cold_path;
 
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
+use super::branches::motion_at_carrier;
 use super::joint_torque::implicit_joint_torque;
-use super::link::{Drive, add_joint_rate, joint_screws, motion_at_carrier, with_zeros};
+use super::link::{Drive, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;

@@ -7,7 +7,8 @@
 #![allow(non_snake_case, reason = "twists carry their usual symbol")]
 
 use super::aba::{Scratch, body_bias};
-use super::link::{joint_screws, motion_at_carrier};
+use super::branches::motion_at_carrier;
+use super::link::joint_screws;
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;

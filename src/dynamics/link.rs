@@ -7,6 +7,7 @@
 
 use std::hint::cold_path;
 
+use super::branches::Branches;
 use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
@@ -52,83 +53,6 @@ pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
     /// Of trees alone.
     pub(super) branches: Branches<L>,
-}
-
-/// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
-#[inline(always)]
-pub(super) fn at_carrier<T: Copy>(carrier: u8, vehicle: T, links: &[T]) -> T {
-    match (carrier as usize).checked_sub(1) {
-        Some(k) if k < links.len() => links[k],
-        _ => vehicle,
-    }
-}
-
-/// [`at_carrier`] of gravity and twist, from the links that carry branches.
-#[inline(always)]
-pub(super) fn motion_at_carrier<L: Lane>(
-    carrier: u8,
-    vehicle: (Vector3<L>, Vector6<L>),
-    links: &[LinkScratch<L>],
-) -> (Vector3<L>, Vector6<L>) {
-    match (carrier as usize).checked_sub(1) {
-        Some(k) if k < links.len() => (links[k].g, links[k].V),
-        _ => vehicle,
-    }
-}
-
-/// Adds the wrench of a branch to the wrench p of its carrier.
-#[inline(always)]
-pub(super) fn add_to_carrier<L: Lane>(
-    carrier: u8,
-    wrench: Vector6<L>,
-    vehicle: &mut Vector6<L>,
-    links: &mut [LinkScratch<L>],
-) {
-    let p = match (carrier as usize).checked_sub(1) {
-        Some(k) if k < links.len() => &mut links[k].p,
-        _ => vehicle,
-    };
-    *p = *p + wrench;
-}
-
-/// Sums of what branches add to the bodies that carry them: entry 0 of the vehicle, k + 1 of the link of joint k.
-#[derive(Debug, Clone)]
-pub(crate) struct Branches<L>([(SpatialInertia<L>, Vector6<L>); JOINTS + 1]);
-
-impl<L: Lane> Branches<L> {
-    /// Zeros.
-    #[inline(always)]
-    pub fn new() -> Self {
-        Self([(SpatialInertia::zero(), Vector6::zero()); JOINTS + 1])
-    }
-
-    /// Sets all sums to 0.
-    #[inline(always)]
-    pub fn clear(&mut self) {
-        for (inertia, p) in &mut self.0 {
-            (inertia.m, inertia.h, inertia.j) = ([L::zero(); 6], [[L::zero(); 3]; 3], [L::zero(); 6]);
-            *p = Vector6::zero();
-        }
-    }
-
-    /// Moves inertia and bias wrench of a branch to the sum of its carrier, and leaves 0.
-    #[inline(always)]
-    pub fn add(&mut self, carrier: u8, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
-        if let Some((sum, wrench)) = self.0.get_mut(carrier as usize) {
-            sum.add(inertia);
-            *wrench = *wrench + *p;
-        }
-        (*inertia, *p) = (SpatialInertia::zero(), Vector6::zero());
-    }
-
-    /// Adds the sum of the branches on a body.
-    #[inline(always)]
-    pub fn take(&self, body: usize, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
-        if let Some((sum, wrench)) = self.0.get(body) {
-            inertia.add(sum);
-            *p = *p + *wrench;
-        }
-    }
 }
 
 impl<L: Lane> Scratch<L> {

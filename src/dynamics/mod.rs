@@ -20,6 +20,7 @@ pub mod aba;
 pub mod aba_adjoint;
 pub mod aba_implicit;
 mod body_adjoint;
+mod branches;
 mod closed_form;
 mod closed_form_model;
 mod composite_body;

@@ -10,7 +10,8 @@
 use std::hint::cold_path;
 
 use super::aba::{Scratch, body_bias};
-use super::link::{add_joint_rate, add_to_carrier, at_carrier, joint_screws, motion_at_carrier, with_zeros};
+use super::branches::{add_to_carrier, at_carrier, motion_at_carrier};
+use super::link::{add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};

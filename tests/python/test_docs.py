@@ -128,6 +128,7 @@ def test_the_commands_of_a_text_run(found: list[list[str]], tmp_path: Path, monk
     shutil.copy(policies(scene="petasus-pum", dt=0.02, substeps=5)["ppo"][0], tmp_path / "policy.safetensors")
     shutil.copy(Path(uvms_gym.__file__).parent / "scenes" / "petasus-pum.toml", tmp_path / "my-scene.toml")
     shutil.copy(ROOT / "tests" / "golden" / "alpha5.urdf", tmp_path / "arm.urdf")
+    shutil.copy(ROOT / "tests" / "data" / "robots" / "trait-uuv-simulator.urdf", tmp_path / "robot.urdf")
     (tmp_path / "controller.py").write_text("from uvms_gym import PID as Controller\n")
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     pool(tmp_path / "pool")
