@@ -104,7 +104,8 @@ fn a_payload_on_a_named_end_effector_is_a_part_of_its_link() {
         assert!((&a.0 - &b.0).norm() < 1e-12 * b.0.norm(), "{seed}");
         // Rounding is relative to inertia times squared velocities, of which the bias may be a small difference.
         let velocities = state.twist.norm_squared() + state.qd.iter().map(|qd| qd * qd).sum::<f64>();
-        assert!((&a.1 - &b.1).norm() < 1e-12 * (b.1.norm() + b.0.norm() * velocities), "{seed}");
+        let (difference, scale) = ((&a.1 - &b.1).norm(), b.1.norm() + b.0.norm() * velocities);
+        assert!(difference < 1e-12 * scale, "{seed}: {difference:e} of {scale:e}");
         let [a, b] = [&laden, &scene].map(|scene| run(scene, "mk4", 1e-3, &state, &Inputs::default(), 1));
         assert!((a.twist - b.twist).norm() < 1e-12 * b.twist.norm().max(1.0), "{seed}");
     }
