@@ -19,6 +19,7 @@ import gymnasium
 import numpy as np
 
 import uvms_gym
+from uvms_gym._files import write
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".yaml", ".yml")
 PERIODS, SECONDS, BYTES = 200, 240, 6 << 30
@@ -104,7 +105,7 @@ def main() -> None:
     if given.out is None:
         print(text, end="")
     else:
-        given.out.write_text(text)
+        write(given.out, text)
 
 
 if __name__ == "__main__":

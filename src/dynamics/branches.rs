@@ -59,9 +59,9 @@ impl<L: Lane> Branches<L> {
     /// Sets all sums to 0.
     #[inline(always)]
     pub fn clear(&mut self) {
+        let zero = stored_zero();
         for (inertia, p) in &mut self.0 {
-            (inertia.m, inertia.h, inertia.j) = ([L::zero(); 6], [[L::zero(); 3]; 3], [L::zero(); 6]);
-            *p = Vector6::zero();
+            fill(zero, inertia, p);
         }
     }
 
@@ -72,7 +72,7 @@ impl<L: Lane> Branches<L> {
             sum.add(inertia);
             *wrench = *wrench + *p;
         }
-        (*inertia, *p) = (SpatialInertia::zero(), Vector6::zero());
+        fill(stored_zero(), inertia, p);
     }
 
     /// Adds the sum of the branches on a body.
@@ -83,4 +83,17 @@ impl<L: Lane> Branches<L> {
             *p = *p + *wrench;
         }
     }
+}
+
+/// Zero that the compiler does not know: it would call `memset` in the kernels.
+#[inline(always)]
+fn stored_zero<L: Lane>() -> L {
+    std::hint::black_box(L::zero())
+}
+
+/// Sets all numbers.
+#[inline(always)]
+fn fill<L: Lane>(value: L, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
+    (inertia.m, inertia.h, inertia.j) = ([value; 6], [[value; 3]; 3], [value; 6]);
+    (p.linear.0, p.angular.0) = ([value; 3], [value; 3]);
 }

@@ -9,6 +9,7 @@ from helpers import is_fixed, random_inputs, random_state
 from scipy.spatial.transform import Rotation
 
 from uvms_gym import Simulator, integrators, load_scene, scene_names
+from uvms_gym._scene import joints
 
 PRODUCTION = [entry["name"] for entry in integrators() if entry["kind"] == "production"]
 PARAMETERS = (
@@ -118,7 +119,12 @@ def case(scene: dict[str, Any], options: dict[str, Any], seed: int) -> Case:
     """An instance in motion with factors and inputs of all kinds."""
     s = Simulator(scene, 1, **options)
     random = np.random.default_rng(seed)
-    s.set_state(**random_state(s, seed))
+    state = random_state(s, seed)
+    for i, joint in enumerate(joints(s.scene)):
+        # Fingers between their stops.
+        if (stop := joint.get("limits")) and stop["upper"] - stop["lower"] < 1.0:
+            state["q"][:, i] = np.clip(state["q"][:, i], stop["lower"] + 0.1, stop["upper"] - 0.1)
+    s.set_state(**state)
     inputs = {name: value[0] for name, value in random_inputs(s, seed).items()}
     inputs = {name: value for name, value in inputs.items() if value.size}
     if s.num_fins:
@@ -153,7 +159,9 @@ def assert_differences(scene: dict[str, Any], options: dict[str, Any], case: Cas
 @pytest.mark.parametrize("name", scenes())
 def test_jacobians_are_differences_of_steps(name: str, integrator: str) -> None:
     # A tolerance that leaves steps whole: differences would change the sub-intervals.
-    scene, options = scenes()[name], {"integrator": integrator, "dt": 0.01, "threads": 1, "tolerance": 1e3}
+    # Short steps for light fingers, which random wrenches would move against their stops, where forces have a kink.
+    scene, dt = scenes()[name], 0.002 if "gripper" in name else 0.01
+    options = {"integrator": integrator, "dt": dt, "threads": 1, "tolerance": 1e3}
     for seed, substeps in ((1, 1), (2, 3)):
         assert_differences(scene, options, case(scene, options, seed), substeps)
 

@@ -1,6 +1,5 @@
 """Pool trials of a BlueROV2 with a Reach Alpha 5: the vehicle floats freely while its arm moves."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from scipy.optimize import least_squares
 import uvms_gym
 from uvms_gym import Log
 
-SCENE = Path(uvms_gym.__file__).parent / "scenes" / "bluerov2-heavy-alpha5.toml"
 POOL = Path(__file__).parents[1] / "data" / "pool"
 GRAVITY = 9.81
 # x of the body points up.
@@ -69,7 +67,7 @@ def test_val_static_equilibria_follow_the_arm() -> None:
     In the tables the upper arm has x along the link, and z of the wrist points towards the base: the axes of the joints
     are others.
     """
-    scene = tomllib.loads(SCENE.read_text())
+    scene = uvms_gym.load_scene("bluerov2-heavy-alpha5")
     assert (held_out_error(scene, "007-1", "026-1") < 1.0).all()
     for link, centre in ((1, [0.073, 0.0, 0.0]), (3, [0.0, -0.003, -0.098])):
         body = scene["arm"]["links"][link]["body"]
