@@ -164,7 +164,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
     if system.tree {
         cold_path();
-        branches.clear();
+        branches.clear(joints);
     }
     joint_screws(joints, is_start, q, links);
     let (mut g, mut V) = (gravity, twist);

@@ -179,7 +179,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
 
     if system.tree {
         cold_path();
-        branches.clear();
+        branches.clear(joints);
     }
     // M lambda = cotangents: contributions of the outer links to I_A and to the bias.
     let (mut I_children, mut P_children) = (SpatialInertia::zero(), Vector6::zero());

@@ -76,7 +76,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let links = &mut links[..joints.len()];
     if system.tree {
         cold_path();
-        branches.clear();
+        branches.clear(joints);
     }
     joint_screws(joints, true, q, links);
     let (mut g, mut V) = (gravity, twist);

@@ -6,7 +6,7 @@ use super::link::LinkScratch;
 use crate::lane::Lane;
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::JOINTS;
+use crate::system::{JOINTS, JointTerms};
 
 /// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
 #[inline(always)]
@@ -56,12 +56,16 @@ impl<L: Lane> Branches<L> {
         Self([(SpatialInertia::zero(), Vector6::zero()); JOINTS + 1])
     }
 
-    /// Sets all sums to 0.
+    /// Sets the sums of the bodies that carry branches to 0.
     #[inline(always)]
-    pub fn clear(&mut self) {
+    pub fn clear<P, B>(&mut self, joints: &[JointTerms<P, B>]) {
         let zero = stored_zero();
-        for (inertia, p) in &mut self.0 {
-            fill(zero, inertia, p);
+        let [(inertia, p), of_links @ ..] = &mut self.0;
+        fill(zero, inertia, p);
+        for (joint, (inertia, p)) in joints.iter().zip(of_links) {
+            if joint.branch.forks {
+                fill(zero, inertia, p);
+            }
         }
     }
 
