@@ -106,6 +106,16 @@ impl ArmModel {
             let Some(body) = bodies[*i] else { continue };
             this.links[*i].radius = radius(body, &scene.water, *length, total);
         }
+        // Fingers beside each other stay apart.
+        for parent in 0..points.len() {
+            let fingers = this.links[parent].carries.clone();
+            for (i, k) in fingers.iter().enumerate().flat_map(|(n, i)| fingers[n + 1..].iter().map(move |k| (*i, *k))) {
+                let thickest = 0.4 * (points[i] - points[k]).norm();
+                for finger in [i, k].into_iter().filter(|_| thickest > 0.0) {
+                    this.links[finger].radius = this.links[finger].radius.min(thickest);
+                }
+            }
+        }
         // Parts of a moving link are as thick as it, parts of the vehicle as the first moving link.
         for i in 0..points.len() {
             let body = this.links[i].frame.body();
