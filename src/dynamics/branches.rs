@@ -60,10 +60,12 @@ impl<L: Lane> Branches<L> {
     #[inline(always)]
     pub fn clear<P, B>(&mut self, joints: &[JointTerms<P, B>]) {
         let zero = stored_zero();
-        let [(inertia, p), of_links @ ..] = &mut self.0;
-        fill(zero, inertia, p);
-        for (joint, (inertia, p)) in joints.iter().zip(of_links) {
-            if joint.branch.forks {
+        for i in 0..=joints.len().min(JOINTS) {
+            let carries = match i.checked_sub(1) {
+                Some(k) => k < joints.len() && joints[k].branch.forks,
+                None => true,
+            };
+            if let (true, Some((inertia, p))) = (carries, self.0.get_mut(i)) {
                 fill(zero, inertia, p);
             }
         }
