@@ -8,7 +8,7 @@ use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 use crate::system::{JOINTS, JointTerms};
 
-/// What an outward pass carries to a joint that branches off an earlier body: `vehicle` or the entry of that link.
+/// Entry of the body that carries a joint which branches off an earlier body: `vehicle` or the entry of that link.
 #[inline(always)]
 pub(super) fn at_carrier<T: Copy>(carrier: u8, vehicle: T, links: &[T]) -> T {
     match (carrier as usize).checked_sub(1) {

@@ -51,7 +51,7 @@ pub(crate) enum Drive<L> {
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
-    /// Of trees alone.
+    /// Sums of branches; only trees use them.
     pub(super) branches: Branches<L>,
 }
 

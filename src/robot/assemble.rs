@@ -47,7 +47,7 @@ pub struct Assembly<'a> {
 pub struct Imported {
     /// Scene with vehicle and arms.
     pub scene: Scene,
-    /// What was guessed, merged, frozen or left out, one sentence each.
+    /// Notes on parts that were guessed, merged, frozen or left out, one sentence each.
     pub notes: Vec<String>,
 }
 

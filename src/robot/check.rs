@@ -84,7 +84,7 @@ pub enum Impossible {
     Triangle(String, Matrix3<f64>),
 }
 
-/// What is impossible in moments of inertia.
+/// Fault of moments of inertia that no body has.
 pub fn impossible(inertia: &Matrix3<f64>) -> Option<Impossible> {
     let mut eigen = inertia.symmetric_eigen();
     let mut moments: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
