@@ -71,14 +71,17 @@ COLUMNS = "t, x, y, z, qw, qx, qy, qz, frame"
         (put(0, 2, "north"), f": y: no such column; columns: {COLUMNS.replace('y,', 'north,', 1)}"),
         (put(0, 3, "y"), f": y: a column of this name exists twice; columns: {COLUMNS.replace('z,', 'y,', 1)}"),
         (put(4, 2, "abc"), ", line 5, y: 'abc' is not a number"),
-        (put(4, 2, ""), ", line 5, y: '' is not a number"),
         (put(4, 2, "1_0"), ", line 5, y: '1_0' is not a number"),
-        (put(4, 2, "nan"), ", line 5, y: nan is not a finite number"),
+        (put(4, 2, "inf"), ", line 5, y: inf is not a finite number"),
+        (
+            lambda cells: [put(k, 2, "nan")(cells) for k in range(2, len(cells))],
+            ": 1 of 30 rows remain, at least 2 must; left out: 29 lost frames",
+        ),
         (put(4, 0, "-inf"), ", line 5, t: -inf is not a finite number"),
         (put(4, 0, "1e999"), ", line 5, t: inf is not a finite number"),
         (lambda cells: cells[-1].pop(), ", line 31: 8 columns, but the first line has 9"),
         (lambda cells: cells[3].append("0"), ", line 4: 10 columns, but the first line has 9"),
-        (lambda cells: cells.insert(3, [""]), ", line 4: 0 columns, but the first line has 9"),
+        (lambda cells: cells.insert(3, ["", "0"]), ", line 4: 2 columns, but the first line has 9"),
         (put(4, 0, "1.5"), ", line 5: the stamp 1.5 is before the stamp of the row above, 2.0979"),
         (put(4, 4, "2.0"), ", line 5: the quaternion has norm 2.0"),
         (
@@ -143,8 +146,8 @@ def test_files_are_refused_by_size_before_they_are_read(
 
 def test_files_that_cannot_be_read_are_named(log: tuple[Path, dict[str, Any]]) -> None:
     folder, found = log
-    (folder / "1_imu.csv").write_bytes(b"t,x\n\xff\xfe,1\n")
-    refuse(r"1_imu.csv: cannot be read: 'utf-8' codec can't decode byte 0xff", folder, found, "1")
+    (folder / "1_imu.csv").write_bytes(b"\xff\xfe\x00\xd8,\x00")
+    refuse(r"1_imu.csv: cannot be read: 'utf-16-le' codec can't decode", folder, found, "1")
     (folder / "1_imu.csv").unlink()
     refuse(r"1_imu.csv: no such file$", folder, found, "1")
     refuse(r"1_imu.csv: no such file$", folder, found, read=Log.read_all)
@@ -270,7 +273,7 @@ def test_map_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
             " /imu, message 1: a: no such number; fields: header.stamp.sec, ",
         ),
         ("imu.time", {"column": "header.stamp.nanosec"}, " /imu, message 26: the stamp "),
-        ("joints.axes.elbow.position", "position[jaw]", " /joint_states, message 1: position[jaw]: no such number; "),
+        ("joints.axes.elbow.position", "position[jaw]", " /joint_states: position[jaw]: no message has this name; "),
         ("joints.axes.elbow.position", "position[", " /joint_states, message 1: position[: no such number; "),
         ("joints.axes.elbow.position", "name", " /joint_states, message 1: name: no such number; "),
         ("thrusters.axes.left.command", "data[7]", " /thrusters, message 1: data[7]: no such number; fields: "),

@@ -1,5 +1,6 @@
 """Files with the traits of public robots: read, refused by one line, or doubted."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,19 @@ READ: dict[str, tuple[int, int, float, float | None]] = {
     "trait-gazebo.sdf": (0, 7, 12.55, None),
     "trait-parameters.yaml": (0, 0, 70.0, 0.0685),
     "trait-mujoco.xml": (1, 0, 14.9, None),  # Without the fin.
+}
+#: The same of files whose traits do not matter to the robot, and the step and integrator that it is given.
+HARMLESS: dict[str, tuple[int, int, float, tuple[str, float]]] = {
+    "fixed-joint-zero-axis.urdf": (2, 8, 15.5, ("mk4", 0.01)),
+    "two-origins.urdf": (2, 8, 15.5, ("mk4", 0.01)),
+    "dummy-frame.urdf": (2, 8, 15.5001, ("mk4", 0.01)),
+    "joint-friction.urdf": (2, 8, 14.8, ("ros2", 0.01)),
+    "zero-inertia-off-the-arm.urdf": (2, 1, 103.001, ("mk4", 0.005)),
+    "locked-joint-off-the-arm.urdf": (2, 0, 103.01, ("mk4", 0.01)),
+    "floating-base-off-the-arm.urdf": (2, 0, 103.0, ("mk4", 0.01)),
+    "vehicle-and-arm.urdf": (2, 0, 103.0, ("mk4", 0.01)),
+    "vehicle-with-propellers.urdf": (0, 0, 11.7, ("mk4", 0.01)),
+    "vehicle-one-link.urdf": (0, 0, 11.5, ("mk4", 0.01)),
 }
 REFUSED = {
     "trait-macros.urdf": r"line \d+: <robot>: has no <link>",
@@ -50,6 +64,25 @@ def test_a_file_is_read_whole(name: str) -> None:
     if volume is not None:
         assert scene["vehicle"]["body"]["volume"] == pytest.approx(volume, rel=1e-12)
     assert uvms_gym.load_scene(scene) == scene
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_a_harmless_trait_changes_nothing(name: str) -> None:
+    joints, thrusters, mass, integration = HARMLESS[name]
+    scene, notes = read(name)
+    simulator = Simulator(scene, 3)
+    assert (simulator.num_joints, simulator.num_thrusters) == (joints, thrusters)
+    assert (simulator.integrator, simulator.dt) == integration
+    assert sum(body["mass"] for body in bodies(scene)) == pytest.approx(mass, rel=1e-12)
+    # No body displaces much more than its outline, and the step follows full speed and effort.
+    assert sum(body.get("volume", 0.0) for body in bodies(scene)) < 1.05 * mass / 1000.0
+    assert any(note.startswith(f"integration: {integration[0]} at {integration[1]:g} s") for note in notes)
+    rng = np.random.default_rng(0)
+    simulator.set_state(q=rng.uniform(-0.5, 0.5, (3, joints)), qd=rng.uniform(-1.0, 1.0, (3, joints)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulator.step(substeps=200)
+    assert np.isfinite(simulator.q).all() and np.isfinite(simulator.twist).all()
 
 
 @pytest.mark.parametrize("name", [name for name, (_, thrusters, *_) in READ.items() if thrusters])

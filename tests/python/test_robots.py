@@ -88,6 +88,20 @@ def test_warnings_are_lines_with_key_and_numbers() -> None:
     assert thrust.startswith("vehicle.thrusters: ") and "% of its limit" in thrust
 
 
+def test_added_mass_that_is_symmetric_but_for_its_digits_is_made_so() -> None:
+    added = np.diag([70.0, 90.0, 260.0, 41.0, 52.0, 18.0])
+    added[2, 4], added[4, 2] = 7.413, 7.412
+    body = {"mass": 120.0, "inertia": [30.0, 50.0, 45.0], "volume": 0.117, "added_mass": added}
+    water = {"density": 1028.0, "gravity": [0.0, 0.0, -9.81]}
+    scene = {"name": "rounded", "water": water, "vehicle": {"name": "rounded", "body": body}}
+    read = np.array(uvms_gym.load_scene(scene)["vehicle"]["body"]["added_mass"])
+    assert np.array_equal(read, read.T) and read[2, 4] == pytest.approx(7.4125, abs=1e-12)
+    assert any(w.startswith("vehicle.body.added_mass: ") and "7.413" in w for w in uvms_gym.lint_scene(scene))
+    added[4, 2] = 6.4
+    with pytest.raises(SceneError, match=r"vehicle\.body\.added_mass.*not symmetric.*7\.413.*6\.4"):
+        uvms_gym.load_scene(scene)
+
+
 def test_the_template_passes_its_check_and_is_an_environment(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

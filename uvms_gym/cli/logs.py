@@ -1,5 +1,6 @@
 """Logs of `uvms validate` and `uvms fit`: options, reading, and tables of errors."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from uvms_gym import Log
-from uvms_gym.cli.common import user_errors
+from uvms_gym.cli.common import line, user_errors
 from uvms_gym.cli.options import ranged
 from uvms_gym.cli.output import table
 from uvms_gym.identification import Table
@@ -24,7 +25,23 @@ def read_logs(scene: str, path: Path, map_file: Path, trials: Sequence[str] = ()
     with user_errors():
         logs = Log.read_all(path, map_file, scene=scene)
         wanted = select([log.name for log in logs], trials or ["*"])
-    return [log for log in logs if log.name in wanted]
+    logs = [log for log in logs if log.name in wanted]
+    for text in remarks(logs):
+        line(text)
+    return logs
+
+
+def remarks(logs: Sequence[Log]) -> list[str]:
+    """One line for each reason for which rows of a channel were left out, and for each note, over all logs."""
+    texts = []
+    for kind in dict.fromkeys(kind for log in logs for kind in log.channels):
+        channels = [log.channels[kind] for log in logs if kind in log.channels]
+        rows = sum(channel.rows for channel in channels)
+        dropped = sum((Counter(channel.dropped) for channel in channels), Counter[str]())
+        notes = Counter(note for channel in channels for note in channel.notes)
+        texts += [f"{kind}: {count} of {rows} rows left out: {reason}" for reason, count in dropped.items()]
+        texts += [f"{kind}: {note} ({count} of {len(logs)} trials)" for note, count in notes.items()]
+    return texts
 
 
 def print_errors(title: str, errors: Table, predictor: str | None = None) -> None:

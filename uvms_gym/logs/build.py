@@ -1,5 +1,6 @@
 """Channels from tables: checks, units, axes, clocks and outliers."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,36 +30,48 @@ Mask = NDArray[np.bool_]
 
 def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
     """Channel of a table."""
-    time = _time(table, found)
+    table = _in_order(table, found.backwards)
+    time = np.asarray(table.time * found.time_factor - found.lag)
     keep = np.diff(time, prepend=-np.inf) > 0.0
-    dropped = {"equal stamps": int(np.sum(~keep))}
+    own = {"equal stamps": int(np.sum(~keep))}
     values: dict[str, Any] = _values(found, table)
     if found.axes:
         values |= _axis_values(kind, found.axes, table)
     if np.isfinite(found.jump):
         keep[keep] = without_jumps(time[keep], values["quaternion"][keep], found.jump, found.gap)
-        dropped["jumps"] = int(np.sum(~keep)) - sum(dropped.values())
+        own["jumps"] = int(np.sum(~keep)) - sum(own.values())
     if found.repeat_period > 0.0:
         keep[keep] = without_repeats(time[keep], values["position"][keep], found.repeat_period)
-        dropped["repeats"] = int(np.sum(~keep)) - sum(dropped.values())
+        own["repeats"] = int(np.sum(~keep)) - sum(own.values())
+    dropped = {**table.dropped, **own}
     if np.sum(keep) < 2:
-        counts = ", ".join(f"{count} {reason}" for reason, count in dropped.items())
+        counts = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
         raise LogError(
-            f"{table.source}: {np.sum(keep)} of {len(keep)} rows remain, at least 2 must; left out: {counts}"
+            f"{table.source}: {np.sum(keep)} of {table.rows} rows remain, at least 2 must; left out: {counts}"
         )
     samples: dict[str, Any] = {"time": time, **values}
     samples = {name: array[keep] if isinstance(array, np.ndarray) else array for name, array in samples.items()}
-    return _TYPES[kind](source=table.source, gap=found.gap, rows=len(keep), dropped=dropped, **samples)
+    samples |= {"rows": table.rows, "dropped": dropped, "notes": table.notes}
+    return _TYPES[kind](source=table.source, gap=found.gap, **samples)
 
 
-def _time(table: Table, found: ChannelMap) -> Floats:
-    """Stamps on the common clock, s; never running backwards."""
-    backwards = np.flatnonzero(np.diff(table.time) < 0.0)
-    if len(backwards):
-        row = int(backwards[0]) + 1
-        before, after = (repr(float(stamp)) for stamp in table.time[row - 1 : row + 1])
-        raise LogError(f"{table.where(row)}: the stamp {after} is before the stamp of the row above, {before}")
-    return np.asarray(table.time * found.time_factor - found.lag)
+def _in_order(table: Table, backwards: str) -> Table:
+    """Table whose stamps never run backwards."""
+    late = table.time < np.maximum.accumulate(table.time) if len(table.time) else np.zeros(0, np.bool_)
+    if not late.any():
+        return table
+    if backwards == "sort":
+        notes = (*table.notes, f"rows sorted by their stamps: {np.sum(late)}")
+        return replace(table, notes=notes).take(np.argsort(table.time, kind="stable"))
+    if backwards == "drop":
+        dropped = {**table.dropped, "rows out of order": int(np.sum(late))}
+        return replace(table, dropped=dropped).take(np.flatnonzero(~late))
+    row = int(np.flatnonzero(late)[0])
+    before, after = (repr(float(stamp)) for stamp in table.time[row - 1 : row + 1])
+    raise LogError(
+        f"{table.where(row)}: the stamp {after} is before the stamp of the row above, {before}; "
+        'time.backwards = "sort" or "drop" allows it'
+    )
 
 
 def _values(found: ChannelMap, table: Table) -> dict[str, Floats]:
@@ -95,11 +108,25 @@ def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, A
     for k, key in enumerate(("value", "rate")):
         if key in table.values:
             logged[k][:, [axis.column is not None for axis in axes]] = table.values[key]
+    for k, axis in enumerate(axes):
+        if axis.curve is not None:
+            logged[0][:, k] = _on_curve(logged[0][:, k], axis, table)
     value = factor * logged[0] - np.array([axis.offset for axis in axes])
     if kind == "thrusters":
         return {"names": names, "command": value}
     velocity = {"velocity": factor * logged[1]} if "rate" in table.values else {}
     return {"names": names, "position": value} | velocity
+
+
+def _on_curve(commands: Floats, axis: Axis, table: Table) -> Floats:
+    """Thrusts (n,), N, of commands (n,) on a thruster's curve."""
+    points = np.array(axis.curve)
+    first, last = points[[0, -1], 0]
+    beyond = np.flatnonzero((commands < first) | (commands > last))
+    if len(beyond):
+        what = f"{axis.column} is {commands[beyond[0]]:g}, outside of the curve of {axis.name}, {first:g} to {last:g}"
+        raise LogError(f"{table.where(int(beyond[0]))}: {what}")
+    return np.asarray(np.interp(commands, *points.T))
 
 
 def without_jumps(time: Floats, q: Floats, limit: float, gap: float) -> Mask:

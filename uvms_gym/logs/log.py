@@ -165,13 +165,16 @@ class Log:
         return replace(self, start=first, end=last, **cut)
 
     def summary(self) -> str:
-        """Text with one line per channel: samples, rate, gaps and rows left out."""
+        """Text with one line per channel: samples, rate, gaps, rows left out, and notes on how it was read."""
         lines = [f"{self.name}: {self.start:.3f} to {self.end:.3f} s ({self.end - self.start:.3f} s)"]
         for kind, channel in self.channels.items():
             rate = 1.0 / np.median(np.diff(channel.time))
             gaps = ", ".join(f"{b - a:.2f} s at {a:.2f} s" for a, b in channel.gaps) or "none"
             dropped = ", ".join(f"{count} {reason}" for reason, count in channel.dropped.items() if count) or "none"
-            lines.append(f"  {kind}: {len(channel.time)} samples, {rate:.3g} Hz; gaps: {gaps}; left out: {dropped}")
+            notes = "".join(f"; {note}" for note in channel.notes)
+            lines.append(
+                f"  {kind}: {len(channel.time)} samples, {rate:.3g} Hz; gaps: {gaps}; left out: {dropped}{notes}"
+            )
         return "\n".join(lines)
 
 
@@ -212,7 +215,7 @@ def _read_channels(
         if channel.file:
             columns = {key: group or [] for key, group in channel.names.items()}
             file = _file(directory, channel.file, trial)
-            tables[kind] = read_table(file, channel.delimiter, channel.time or "", columns)
+            tables[kind] = read_table(file, channel.text, channel.time or "", columns)
     if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
         tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)
     return {kind: make_channel(kind, channel, tables[kind]) for kind, channel in maps.items()}

@@ -13,6 +13,7 @@ from uvms_gym._files import read_text
 from uvms_gym.logs import units
 from uvms_gym.logs.errors import reading
 from uvms_gym.logs.keys import Keys
+from uvms_gym.logs.tables import TextFormat
 
 #: Quantities of the channels, with their units; the first one is required.
 QUANTITIES: dict[str, dict[str, Mapping[str, float]]] = {
@@ -43,7 +44,10 @@ class Columns:
 
 @dataclass(frozen=True)
 class Axis:
-    """Joint or thruster: value = factor * column - offset, in the scene's units."""
+    """Joint or thruster: value = factor * column - offset, in the scene's units.
+
+    With a curve, value = factor * curve(column) - offset.
+    """
 
     #: Name in the scene.
     name: str
@@ -52,6 +56,8 @@ class Axis:
     velocity: str | None = None
     factor: float = 0.0
     offset: float = 0.0
+    #: Points (column, N) of a thruster's curve, the columns increasing, interpolated linearly.
+    curve: tuple[tuple[float, float], ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +69,8 @@ class ChannelMap:
     #: Name of the file, in which "{trial}" is replaced, or topic of a bag: one of them.
     file: str | None
     topic: str | None
-    #: Character between columns of a file.
-    delimiter: str
+    #: Format of the file's lines.
+    text: TextFormat
     #: Column of stamps; None: the stamps of a topic's messages.
     time: str | None
     #: Stamps of a topic's messages; None: the header's, where there is one.
@@ -73,6 +79,8 @@ class ChannelMap:
     time_factor: float
     #: Lateness of the stamps, s.
     lag: float
+    #: Rows whose stamps are before an earlier row's: an error ("refuse"), sorted ("sort") or left out ("drop").
+    backwards: str
     #: Longest interval between samples that is interpolated, s.
     gap: float
     #: Maximum angle between the attitudes of neighbouring samples, rad.
@@ -109,11 +117,12 @@ def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
         place=keys,
         file=None if topic else keys.text("file"),
         topic=topic,
-        delimiter="," if topic else _delimiter(keys),
+        text=TextFormat() if topic else _text_format(keys),
         time=column,
         stamp=time.choice("stamp", ("header", "bag")) if topic and not column and time.has("stamp") else None,
         time_factor=units.TIME[time.choice("unit", units.TIME, "s")] if column else 1.0,
         lag=time.number("lag", 0.0),
+        backwards=time.choice("backwards", ("refuse", "sort", "drop"), "refuse"),
         gap=keys.number("gap", gap, above=0.0, finite=False),
         jump=np.radians(keys.number("jump_deg", math.inf, above=0.0)) if "attitude" in columns else math.inf,
         repeat_period=keys.number("repeat_period", 0.0, above=0.0) if kind == "joints" else 0.0,
@@ -135,13 +144,22 @@ def _exclusive(keys: Keys, one: str, other: str, required: bool = True) -> None:
         keys.require(one, other)
 
 
-def _delimiter(keys: Keys) -> str:
-    if not keys.has("delimiter"):
-        return ","
-    delimiter = keys.text("delimiter")
+def _text_format(keys: Keys) -> TextFormat:
+    delimiter = keys.text("delimiter") if keys.has("delimiter") else ","
     if delimiter not in (",", ";", "\t", " ", "|"):
         raise keys.error("delimiter", f"{delimiter!r} is none of ',', ';', '|', a tab and a space")
-    return delimiter
+    decimal = keys.choice("decimal", (".", ",")) if keys.has("decimal") else None
+    comment = keys.text("comment") if keys.has("comment") else "#"
+    return TextFormat(delimiter, decimal, comment, frozenset(_skipped(keys)))
+
+
+def _skipped(keys: Keys) -> Sequence[int]:
+    """Numbers of the lines to leave out: of the first ones by their count, or a list."""
+    value = keys.value("skip")
+    numbers = [] if value is None else value if isinstance(value, list) else [value]
+    if not all(isinstance(number, int) and not isinstance(number, bool) and number >= 1 for number in numbers):
+        raise keys.error("skip", f"{value!r} is neither a count of first lines nor a list of lines' numbers, from 1")
+    return numbers if isinstance(value, list) else range(1, sum(numbers) + 1)
 
 
 def _columns(kind: str, keys: Keys, topic: bool) -> dict[str, Columns]:
@@ -187,9 +205,9 @@ def _axes(kind: str, keys: Keys) -> tuple[Axis, ...]:
 
 
 def _axis(kind: str, name: str, keys: Keys) -> Axis:
-    """Joint, q = (sign * column - zero) in the unit of the column; or thruster, scale * (column - neutral), N.
+    """Joint, q = (sign * column - zero) in the unit of the column; or thruster, N.
 
-    Either may be a constant.
+    A thruster's command is scale * (column - neutral), or scale * curve(column). Either may be a constant.
     """
     column, lengths = {"joints": "position", "thrusters": "command"}[kind], units.ANGLE | units.LENGTH
     unit = lengths[keys.choice("unit", lengths, "rad")] if kind == "joints" else 1.0
@@ -204,9 +222,23 @@ def _axis(kind: str, name: str, keys: Keys) -> Axis:
     else:
         if (scale := keys.number("scale", 1.0)) == 0.0:
             raise keys.error("scale", "0 is not allowed")
-        axis = Axis(name, keys.text(column), None, scale, scale * keys.number("neutral", 0.0))
+        _exclusive(keys, "curve", "neutral", required=False)
+        neutral = keys.number("neutral", 0.0)
+        axis = Axis(name, keys.text(column), None, scale, scale * neutral, _curve(keys) if keys.has("curve") else None)
     keys.finish()
     return axis
+
+
+def _curve(keys: Keys) -> tuple[tuple[float, float], ...]:
+    value = keys.value("curve")
+    try:
+        points = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    fits = points.ndim == 2 and points.shape[0] >= 2 and points.shape[1] == 2 and bool(np.isfinite(points).all())
+    if not fits or not np.all(np.diff(points[:, 0]) > 0.0):
+        raise keys.error("curve", f"{value!r} is no list of at least two points [command, N] with increasing commands")
+    return tuple((x, y) for x, y in points.tolist())
 
 
 def in_scene_order(kind: str, found: ChannelMap, names: Sequence[str]) -> tuple[Axis, ...]:

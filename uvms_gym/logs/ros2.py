@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.map import ChannelMap
 from uvms_gym.logs.tables import Table, make_table
+from uvms_gym.logs.units import Floats
 
 #: Fields of the usual messages that contain a quantity; the first one that a message has is read.
 FIELDS = {
@@ -26,8 +28,14 @@ FIELDS = {
 _BYTES, _MESSAGES = 64_000_000_000, 10_000_000
 
 Getter = Callable[[Any], float]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 #: Stamp, in place of the name of a column.
 _STAMP = "stamp"
+
+
+class _Unnamed(Exception):
+    """The message has no entry of this name."""
 
 
 class _Topic:
@@ -39,7 +47,9 @@ class _Topic:
         self._names: dict[str, list[str]] = {}
         self._getters: dict[str, Getter] = {}
         self._header = False
-        self._rows: list[list[float]] = []
+        # Time of recording, stamp of the header and numbers; None where another publisher's message lacks the name.
+        self._rows: list[list[float | None]] = []
+        self._entries: set[str] = set()
 
     def append(self, message: Any, recorded: int) -> None:
         """Add a message, which the bag recorded at a time in ns."""
@@ -52,10 +62,13 @@ class _Topic:
             if channel.stamp == "header" and not self._header:
                 raise LogError(f'{self._place}: no header; stamp = "bag" reads the times of recording')
         stamp = message.header.stamp if self._header else None
-        row = [float(stamp.sec + stamp.nanosec * 1e-9) if stamp else recorded * 1e-9]
+        row: list[float | None] = [recorded * 1e-9, stamp.sec + stamp.nanosec * 1e-9 if stamp else 0.0]
         for name, get in self._getters.items():
             try:
                 row.append(float(get(message)))
+            except _Unnamed:
+                row.append(None)
+                self._entries.update(map(str, message.name))
             except (AttributeError, IndexError, TypeError, ValueError):
                 place, known = self._where(len(self._rows)), _listed(message)
                 raise LogError(f"{place}: {name}: no such number; fields: {known}") from None
@@ -65,8 +78,54 @@ class _Topic:
         """Table of all messages."""
         if not self._rows:
             raise LogError(f"{self._place}: no messages")
-        columns = dict(zip([_STAMP, *self._getters], np.array(self._rows).T))
-        return make_table(self._place, self._where, columns, self._channel.time or _STAMP, self._names)
+        absent = np.array([[number is None for number in row] for row in self._rows])
+        rows = np.array(self._rows, dtype=np.float64)
+        for k, name in enumerate(self._getters, 2):
+            if absent[:, k].all():
+                known = ", ".join(sorted(self._entries))
+                raise LogError(f"{self._place}: {name}: no message has this name; names: {known}")
+        notes: list[str] = []
+        stamped = self._stamp(rows, notes)
+        ours = ~absent[:, 2 if self._channel.time is None else 3 :].all(axis=1)
+        dropped = {"unstamped messages": int(np.sum(~stamped)), "messages of others": int(np.sum(stamped & ~ours))}
+        where = np.flatnonzero(stamped & ours)
+        time = _STAMP if self._channel.time is None else self._channel.time
+        if absent[where].any():
+            where = self._join(rows, absent, where, notes)
+        columns = {_STAMP: rows[where, 0], **dict(zip(self._getters, rows[where, 2:].T))}
+        place = lambda row: self._where(int(where[row]))  # noqa: E731
+        return make_table(self._place, place, columns, time, self._names, len(rows), dropped, notes)
+
+    def _stamp(self, rows: Floats, notes: list[str]) -> Mask:
+        """Put the messages' stamps into the first column; True for messages that have one."""
+        every = np.ones(len(rows), np.bool_)
+        if not self._header or self._channel.time is not None:
+            return every
+        stamped: Mask = rows[:, 1] != 0.0
+        if stamped.any():
+            rows[:, 0] = rows[:, 1]
+            return stamped
+        if self._channel.stamp == "header":
+            problem = "the header's stamps are all 0"
+            raise LogError(f'{self._place}: {problem}; stamp = "bag" reads the times of recording')
+        notes.append("times of recording, as the header's stamps are all 0")
+        return every
+
+    def _join(self, rows: Floats, absent: Mask, where: Indices, notes: list[str]) -> Indices:
+        """Interpolate names of other publishers at the messages of the name that has the most; their indices."""
+        names, first = list(self._getters), 2 if self._channel.time is None else 3
+        time = (rows[:, 0] if self._channel.time is None else rows[:, 2]) * self._channel.time_factor
+        most = first + int(np.argmin(np.sum(absent[where, first:], axis=0)))
+        own: Indices = where[~absent[where, most]]
+        for k in np.flatnonzero(absent[own].any(axis=0)):
+            theirs = where[~absent[where, k]]
+            theirs = theirs[np.argsort(time[theirs], kind="stable")]
+            near = (time[own] >= time[theirs[0]]) & (time[own] <= time[theirs[-1]])
+            after = np.clip(np.searchsorted(time[theirs], time[own]), 1, len(theirs) - 1)
+            near &= time[theirs][after] - time[theirs][after - 1] <= self._channel.gap
+            rows[own, k] = np.where(near, np.interp(time[own], time[theirs], rows[theirs, k]), np.nan)
+            notes.append(f"{names[k - 2]} interpolated at the messages of {names[most - 2]}")
+        return own
 
     def _where(self, row: int) -> str:
         return f"{self._place}, message {row + 1}"
@@ -113,7 +172,13 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
             if (count := sum(connection.msgcount for connection in connections)) > _MESSAGES:
                 raise LogError(f"{path}: {count} messages in these topics, but at most {_MESSAGES} are read")
             for connection, recorded, data in reader.messages(connections=connections):
-                message = reader.deserialize(data, connection.msgtype)
+                try:
+                    message = reader.deserialize(data, connection.msgtype)
+                except KeyError:
+                    raise LogError(
+                        f"{path}: {connection.topic}: the bag has no definition of {connection.msgtype}; "
+                        "`ros2 bag record -s mcap` records definitions"
+                    ) from None
                 for kind, channel in channels.items():
                     if channel.topic == connection.topic:
                         topics[kind].append(message, recorded)
@@ -142,7 +207,14 @@ def _getter(name: str) -> Getter:
     get, entry = attrgetter(found[1]), found[2]
     if entry.isdecimal():
         return lambda message: get(message)[int(entry)]
-    return lambda message: get(message)[list(message.name).index(entry)]
+
+    def named(message: Any) -> float:
+        values, names = get(message), list(message.name)
+        if entry not in names:
+            raise _Unnamed
+        return float(values[names.index(entry)])
+
+    return named
 
 
 def _listed(message: Any) -> str:

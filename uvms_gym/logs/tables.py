@@ -1,11 +1,13 @@
 """Tables of numbers: files of comma-separated values, and what tables and bags have in common."""
 
 import csv
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uvms_gym._files import read_text
 from uvms_gym.logs.errors import LogError, reading
@@ -13,6 +15,30 @@ from uvms_gym.logs.units import Floats
 
 #: Maximum size of a file, bytes.
 _MOST = 2_000_000_000
+#: Cells without a number, in lower case.
+_LOST = {"", "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "null", "none"}
+#: Binary files by their suffix, and how to convert them to text.
+_BINARY = {
+    ".bin": "ArduPilot's log: convert it with mavlogdump.py --format csv --types RCOU (package pymavlink)",
+    ".tlog": "MAVLink's log: convert it with mavlogdump.py --format csv --types SERVO_OUTPUT_RAW (package pymavlink)",
+    ".ulg": "PX4's log: convert it with ulog2csv (package pyulog)",
+}
+#: Number with commas between thousands, or with a decimal comma and three decimals.
+_AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """Format of a text file's lines."""
+
+    #: Character between columns.
+    delimiter: str = ","
+    #: Decimal sign; None: a point, or a comma where numbers have one that cannot separate thousands.
+    decimal: str | None = None
+    #: Start of lines that are comments.
+    comment: str = "#"
+    #: Numbers of lines that are left out, from 1.
+    skip: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -27,77 +53,180 @@ class Table:
     time: Floats
     #: (n, k) columns of each quantity.
     values: Mapping[str, Floats]
+    #: Number of rows of the source, and how many of them were left out by reason.
+    rows: int
+    dropped: Mapping[str, int]
+    #: Remarks on how the source was read.
+    notes: tuple[str, ...]
+
+    def take(self, index: NDArray[np.int64]) -> "Table":
+        """Table of the rows with these indices."""
+        where, values = self.where, {key: column[index] for key, column in self.values.items()}
+        return replace(self, where=lambda row: where(int(index[row])), time=self.time[index], values=values)
 
 
 def make_table(
-    source: str, where: Callable[[int], str], columns: Mapping[str, Floats], time: str, names: Mapping[str, list[str]]
+    source: str,
+    where: Callable[[int], str],
+    columns: Mapping[str, Floats],
+    time: str,
+    names: Mapping[str, list[str]],
+    rows: int,
+    dropped: Mapping[str, int],
+    notes: Sequence[str],
 ) -> Table:
-    """Table of columns by their names, once they are seen to be finite."""
-    if len(columns[time]) == 0:
+    """Table of columns by their names; rows with NaN are left out.
+
+    `rows` is the number of the source's rows, `dropped` how many of them the columns lack already, by reason.
+    """
+    stamps = columns[time]
+    if len(stamps) == 0:
         raise LogError(f"{source}: no rows of numbers")
     for name, column in columns.items():
-        if not np.isfinite(column).all():
-            row = int(np.flatnonzero(~np.isfinite(column))[0])
+        if np.isinf(column).any():
+            row = int(np.flatnonzero(np.isinf(column))[0])
             raise LogError(f"{where(row)}, {name}: {column[row]} is not a finite number")
     values = {key: np.stack([columns[name] for name in group], axis=-1) for key, group in names.items() if group}
-    return Table(source, where, columns[time], values)
+    lost = np.any([np.isnan(column) for column in columns.values()], axis=0)
+    if "attitude" in values and values["attitude"].shape[1] == 4:  # 0 0 0 0 is no quaternion
+        lost |= np.all(values["attitude"] == 0.0, axis=1)
+    dropped = {**dropped, "lost frames": int(np.sum(lost))}
+    counts = {reason: count for reason, count in dropped.items() if count}
+    table = Table(source, where, stamps, values, rows, counts, tuple(notes))
+    return table.take(np.flatnonzero(~lost)) if lost.any() else table
 
 
-def read_table(path: Path, delimiter: str, time: str, names: Mapping[str, list[str]]) -> Table:
-    """Read columns of a text file, whose first line names them.
-
-    `delimiter` separates columns; `names` are the columns of each quantity.
-    """
-    with reading(path):
-        text = read_text(path, _MOST, "utf-8-sig")
+def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list[str]]) -> Table:
+    """Read columns of a text file, whose first line names them; `names` are the columns of each quantity."""
+    text, notes = _text(path)
     lines = text.split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
         raise LogError(f"{path}: the file is empty")
-    _, header = next(_cells(path, lines[:1], delimiter))
-    header = [name.strip() for name in header]
+    if "\0" in lines[0]:
+        raise LogError(f"{path}: cannot be read: {_BINARY.get(path.suffix.lower(), 'not a text file')}")
     needed = list(dict.fromkeys([time, *(name for group in names.values() for name in group)]))
+    header, body = _divided(path, lines, form, needed, notes)
     for name in needed:
         if header.count(name) != 1:
             problem = "no such column" if name not in header else "a column of this name exists twice"
             raise LogError(f"{path}: {name}: {problem}; columns: {', '.join(header)}")
-    rows = _numbers(path, lines, delimiter, header, needed)
-    return make_table(str(path), lambda row: f"{path}, line {row + 2}", dict(zip(needed, rows)), time, names)
+    empty = [number for number in body if not lines[number - 1].strip()]
+    body = [number for number in body if lines[number - 1].strip()]
+    body, columns = _numbers(path, {number: lines[number - 1] for number in body}, form, header, needed, notes)
+    return make_table(
+        str(path),
+        lambda row: f"{path}, line {body[row]}",
+        dict(zip(needed, columns)),
+        time,
+        names,
+        len(body) + len(empty),
+        {"empty rows": len(empty)},
+        notes,
+    )
 
 
-def _numbers(path: Path, lines: list[str], delimiter: str, header: list[str], needed: list[str]) -> Floats:
-    """Needed columns of the lines below the header, (columns, n)."""
-    if len(lines) == 1:
-        return np.empty((len(needed), 0))
-    if all(line.count(delimiter) == len(header) - 1 and line.strip() for line in lines[1:]):
+def _text(path: Path) -> tuple[str, list[str]]:
+    """Text of a file in UTF-8, UTF-16 with its mark, or Latin-1, and notes on the encoding."""
+    with reading(path):
+        try:
+            return read_text(path, _MOST, "utf-8-sig"), []
+        except UnicodeDecodeError as error:
+            encoding = "UTF-16" if error.object[:2] in (b"\xff\xfe", b"\xfe\xff") else "Latin-1"
+        return read_text(path, _MOST, encoding), [f"read as {encoding}, as it is not UTF-8"]
+
+
+def _divided(
+    path: Path, lines: list[str], form: TextFormat, needed: list[str], notes: list[str]
+) -> tuple[list[str], list[int]]:
+    """Names of the columns, and numbers of the lines below them that are no comments."""
+    found = [number for number in range(1, len(lines) + 1) if number not in form.skip]
+    if skipped := len(lines) - len(found):
+        notes.append(f"lines skipped: {skipped}")
+    comments = [number for number in found if lines[number - 1].startswith(form.comment)]
+    names: list[str] = []
+    for number in comments[:1] if comments[:1] == found[:1] else []:
+        # The names themselves may be in a comment.
+        names = _names(path, lines[number - 1].removeprefix(form.comment), form)
+    if names and set(needed) <= set(names):
+        first = comments.pop(0)
+    else:
+        commented = set(comments)
+        first = next((n for n in found if n not in commented and lines[n - 1].strip()), 0)
+        if not first:
+            raise LogError(f"{path}: no line names the columns: all are comments, skipped or empty")
+        names = _names(path, lines[first - 1], form)
+    if comments:
+        notes.append(f"lines of comments: {len(comments)}")
+    left_out = set(comments)
+    return names, [number for number in found if number > first and number not in left_out]
+
+
+def _names(path: Path, line: str, form: TextFormat) -> list[str]:
+    return [name.strip() for _, cells in _cells(path, [line], form.delimiter) for name in cells]
+
+
+def _numbers(
+    path: Path, lines: Mapping[int, str], form: TextFormat, header: list[str], needed: list[str], notes: list[str]
+) -> tuple[list[int], Floats]:
+    """Numbers of the lines of rows, and their needed columns, (columns, n)."""
+    numbers, texts = list(lines), list(lines.values())
+    if not lines:
+        return [], np.empty((len(needed), 0))
+    if form.decimal != "," and all(line.count(form.delimiter) == len(header) - 1 for line in texts):
         try:
             usecols = [header.index(name) for name in needed]
-            return np.loadtxt(lines[1:], delimiter=delimiter, usecols=usecols, comments=None, ndmin=2).T
+            return numbers, np.loadtxt(texts, delimiter=form.delimiter, usecols=usecols, comments=None, ndmin=2).T
         except ValueError:
             pass
-    # Quoted cells, or an error: cell by cell.
-    columns: list[list[float]] = [[] for _ in needed]
-    for number, cells in _cells(path, lines[1:], delimiter, 2):
-        if len(cells) != len(header):
-            raise LogError(f"{path}, line {number}: {len(cells)} columns, but the first line has {len(header)}")
-        for column, name in zip(columns, needed):
-            cell = cells[header.index(name)].strip()
-            try:
-                column.append(float(cell.replace("_", "?")))  # Python's 1_000 is no number of a log
-            except ValueError:
-                raise LogError(f"{path}, line {number}, {name}: {cell!r} is not a number") from None
-    return np.array(columns)
+    # Quoted cells, lost numbers, decimal commas, or an error: cell by cell.
+    rows: list[int] = []
+    cells: list[list[str]] = []
+    usecols = [header.index(name) for name in needed]
+    for index, row in _cells(path, texts, form.delimiter):
+        if len(row) != len(header):
+            raise LogError(f"{path}, line {numbers[index]}: {len(row)} columns, but the first line has {len(header)}")
+        rows.append(numbers[index])
+        cells.append([row[k].strip() for k in usecols])
+    decimal = form.decimal or _decimal(path, cells, notes)
+    return rows, np.array([_row(f"{path}, line {n}", row, needed, decimal) for n, row in zip(rows, cells)]).T
 
 
-def _cells(path: Path, lines: list[str], delimiter: str, first: int = 1) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line; of several with a quoted cell across them, the first number."""
+def _decimal(path: Path, cells: list[list[str]], notes: list[str]) -> str:
+    """Decimal sign that the numbers have."""
+    commas = [cell for row in cells for cell in row if "," in cell]
+    if not commas:
+        return "."
+    if all(_AMBIGUOUS.fullmatch(cell) for cell in commas):
+        what = f"{commas[0]!r} has a decimal comma or a comma between thousands"
+        raise LogError(f'{path}: {what}: decimal = "," in the map says the former, the latter are not read')
+    notes.append("decimal commas")
+    return ","
+
+
+def _row(place: str, cells: list[str], names: list[str], decimal: str) -> list[float]:
+    numbers = []
+    for name, cell in zip(names, cells):
+        # (Python's 1_000 is no number of a log; a point beside decimal commas separates thousands.)
+        bad = "_" if decimal == "." else "_."
+        text = cell if decimal == "." else cell.replace(",", ".")
+        try:
+            lost = cell.lower() in _LOST
+            numbers.append(np.nan if lost else float("?" if any(c in cell for c in bad) else text))
+        except ValueError:
+            raise LogError(f"{place}, {name}: {cell!r} is not a number") from None
+    return numbers
+
+
+def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Index and cells of each line; of several with a quoted cell across them, the first index."""
     # With their ends, which belong to such a cell.
     reader = csv.reader((line + "\n" for line in lines), delimiter=delimiter)
     try:
-        number = first
+        index = 0
         for cells in reader:
-            yield number, cells
-            number = first + reader.line_num
+            yield index, cells
+            index = reader.line_num
     except csv.Error as error:
         raise LogError(f"{path}: cannot be read: {error}") from None
