@@ -43,7 +43,7 @@ pub enum Parent {
 
 impl Arm {
     /// Body of this name among the base, the vehicle and the first `count` links.
-    fn body(&self, name: &str, count: usize) -> Option<Parent> {
+    pub(super) fn body(&self, name: &str, count: usize) -> Option<Parent> {
         match name {
             VEHICLE => Some(Parent::Vehicle),
             BASE => Some(Parent::Base),

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 use super::read::deserialize;
 use super::{Arm, BASE, EndEffectorFrame, Mount, Parent, VEHICLE, path};
 use crate::error::Problem;
-use crate::keys::Fault;
+use crate::keys::{Fault, none_of};
 
 /// Attachment of an arm: the values of an entry of `[[arms]]` besides the part.
 pub struct Attachment {
@@ -115,9 +115,8 @@ pub fn attach(scene: &mut Table, arm: &Arm, attachment: &Attachment) -> Result<(
     let known: Vec<_> =
         [VEHICLE, BASE].into_iter().filter(|name| *name == VEHICLE || own.contains_key(BASE)).chain(names).collect();
     if !known.contains(&attachment.on.as_str()) {
-        let expected = known.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
-        let problem = Problem::NoSuchBody { value: attachment.on.clone(), expected };
-        return Err(Fault::new(path::join(&attachment.key, "on"), problem));
+        let key = path::join(&attachment.key, "on");
+        return Err(none_of(&attachment.on, "bodies before it", known.into_iter(), key));
     }
     let end_effector = attachment.end_effector(arm, &arm.end_effector)?;
     let mut named = vec![(attachment.name.clone(), end_effector.clone())];

@@ -7,7 +7,7 @@ use super::{
     ThrustMap, Thruster, check_body, path,
 };
 use crate::error::{DescriptionError, Problem};
-use crate::keys::{Fault, check_axis, check_names, check_not_negative, normalise, range};
+use crate::keys::{Fault, check_axis, check_names, check_not_negative, none_of, normalise, range};
 
 /// Maximum magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
@@ -16,7 +16,7 @@ const MAX_MAGNITUDE: f64 = 1e12;
 const MAX_POINTS: usize = 64;
 
 /// Names of bodies outside the list of links.
-const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
+pub const RESERVED: [&str; 3] = [super::VEHICLE, super::BASE, super::WORLD];
 
 /// A fault for a number that is not finite or exceeds [`MAX_MAGNITUDE`].
 pub fn magnitudes(root: &Value) -> Result<(), Fault> {
@@ -28,9 +28,8 @@ pub fn magnitudes(root: &Value) -> Result<(), Fault> {
 
 /// A name that is none of the bodies before link `count`.
 fn no_body(arm: &Arm, count: usize, value: &str, key: String) -> Fault {
-    let bodies = RESERVED.into_iter().chain(arm.links[..count].iter().map(|link| link.name.as_str()));
-    let expected = bodies.map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
-    Fault::new(key, Problem::NoSuchBody { value: value.to_owned(), expected })
+    let links = arm.links[..count].iter().map(|link| link.name.as_str());
+    none_of(value, "bodies before it", [super::VEHICLE, super::BASE].into_iter().chain(links), key)
 }
 
 fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
@@ -111,7 +110,8 @@ fn fixed_joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     }
 }
 
-fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
+/// Checks the numbers of a joint that moves.
+pub fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.axis.x.is_nan() {
         return Err(Fault::new(format!("{key}.axis"), Problem::Missing));
     }
@@ -160,6 +160,8 @@ impl Scene {
         check_not_negative("water", [("density", self.water.density)])?;
         self.validate_vehicle()?;
         self.validate_arm()?;
+        self.validate_fixtures()?;
+        self.validate_contact()?;
         self.integration.iter().try_for_each(Integration::check)?;
         if let Some(on) = self.payload.as_ref().and_then(|payload| payload.on.as_ref()) {
             self.check_end_effector(on, "payload.on")?;
@@ -197,6 +199,16 @@ impl Scene {
             }
         }
         Ok(())
+    }
+
+    /// A fault for a name that is no body of the robot.
+    pub(super) fn check_robot_body(&self, name: &str, key: &str) -> Result<(), Fault> {
+        let Some(arm) = &self.arm else {
+            let known = name == super::VEHICLE;
+            return if known { Ok(()) } else { Err(none_of(name, "bodies", [super::VEHICLE].into_iter(), key)) };
+        };
+        let count = arm.links.len();
+        if arm.body(name, count).is_some() { Ok(()) } else { Err(no_body(arm, count, name, key.to_owned())) }
     }
 
     fn validate_arm(&self) -> Result<(), Fault> {
@@ -246,6 +258,7 @@ impl Scene {
         self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
         self.vehicle.normalise_terms();
         self.joints_mut().for_each(|joint| normalise(&mut joint.axis));
+        self.fixtures.iter_mut().for_each(|fixture| normalise(&mut fixture.joint.axis));
         let links = self.arm.iter_mut().flat_map(|arm| &mut arm.links);
         links.filter(|link| !link.moves()).for_each(|link| link.joint.axis.fill(0.0));
         for body in self.bodies_mut() {

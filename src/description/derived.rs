@@ -4,12 +4,14 @@ use nalgebra::{Matrix3, Matrix6};
 
 use super::{Body, Frame, InertiaPoint, Joint, Scene, Water};
 
-/// Maximum number of moving joints of a scene.
+/// Maximum number of moving joints of a scene, those of fixtures included.
 pub const MAX_JOINTS: usize = 16;
 /// Maximum number of links of an arm, those on fixed joints included.
 pub const MAX_LINKS: usize = 64;
 /// Name of the vehicle among the moving bodies.
 pub const VEHICLE: &str = "vehicle";
+/// Name of the world, which carries shapes.
+pub const WORLD: &str = "world";
 /// Name of the joint-loaded arm base among the moving bodies, and of its joint q0.
 pub const BASE: &str = "base";
 
@@ -91,10 +93,10 @@ impl Scene {
         self.vehicle.fins.iter().map(|fin| fin.name.clone()).collect()
     }
 
-    /// Joint coordinates at the start of a run, rad or m; 0 past the last joint.
+    /// Coordinates at the start of a run, rad or m, in the order of [`Scene::coordinates`]; 0 past the last.
     pub fn home(&self) -> [f64; MAX_JOINTS] {
         let mut home = [0.0; MAX_JOINTS];
-        home.iter_mut().zip(self.joints()).for_each(|(home, joint)| *home = joint.home);
+        home.iter_mut().zip(self.coordinates()).for_each(|(home, joint)| *home = joint.home);
         home
     }
 
@@ -112,7 +114,11 @@ impl Scene {
         let links = self.arm.iter().flat_map(|arm| arm.links.iter().enumerate());
         let links = links.filter_map(|(i, link)| Some((format!("arm.links[{i}].body"), link.body.as_ref()?)));
         let payload = self.payload.iter().map(|payload| ("payload.body".to_owned(), &payload.body));
-        std::iter::once(("vehicle.body".to_owned(), &self.vehicle.body)).chain(base).chain(links).chain(payload)
+        let fixtures = self.fixtures.iter().enumerate();
+        let fixtures =
+            fixtures.filter_map(|(i, fixture)| Some((format!("fixtures[{i}].body"), fixture.body.as_ref()?)));
+        let vehicle = std::iter::once(("vehicle.body".to_owned(), &self.vehicle.body));
+        vehicle.chain(base).chain(links).chain(payload).chain(fixtures)
     }
 
     /// All bodies of the scene.
@@ -120,6 +126,7 @@ impl Scene {
         let arm = self.arm.iter_mut();
         let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().flat_map(|link| &mut link.body)));
         let payload = self.payload.iter_mut().map(|payload| &mut payload.body);
-        std::iter::once(&mut self.vehicle.body).chain(arm).chain(payload)
+        let fixtures = self.fixtures.iter_mut().flat_map(|fixture| &mut fixture.body);
+        std::iter::once(&mut self.vehicle.body).chain(arm).chain(payload).chain(fixtures)
     }
 }

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Arm, BASE, Body, Frame, Joint, Link, Parent, Payload, Scene, VEHICLE};
-use crate::error::{DescriptionError, Problem};
-use crate::keys::{Fault, numbers};
+use crate::error::DescriptionError;
+use crate::keys::{Fault, none_of, numbers};
 
 /// Name of the scene's own `arm.end_effector` among the named ones.
 pub const DEFAULT_END_EFFECTOR: &str = "default";
@@ -120,7 +120,7 @@ impl Scene {
         if known {
             return Ok(());
         }
-        let names: Vec<_> = self.end_effector_names().iter().map(|name| format!("\"{name}\"")).collect();
-        Err(Fault::new(key, Problem::NoSuchEndEffector { value: name.to_owned(), expected: names.join(", ") }))
+        let names = self.end_effector_names();
+        Err(none_of(name, "end effectors", names.iter().map(String::as_str), key))
     }
 }

@@ -1,10 +1,10 @@
-//! A scene: water, vehicle, arm and payload.
+//! A scene: water, vehicle, arm, payload, contact and fixtures.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::body::InertiaPoint;
-use super::{Arm, Body, Frame, Integration, Provenance, Vehicle};
+use super::{Arm, Body, Contact, Fixture, Frame, Integration, Provenance, Vehicle};
 use crate::keys::numbers;
 
 /// Vehicle, arm and water: all numbers of a simulation but its state and options.
@@ -24,6 +24,11 @@ pub struct Scene {
     pub arm: Option<Arm>,
     /// Payload fixed to an end effector (to the vehicle if there is no arm).
     pub payload: Option<Payload>,
+    /// Spheres on the robot and shapes that they touch, if any.
+    pub contact: Option<Contact>,
+    /// Mechanisms in the world.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fixtures: Vec<Fixture>,
     /// Integrator and step that its motion needs, where they are stated.
     pub integration: Option<Integration>,
     /// Provenance of the numbers.

@@ -64,9 +64,10 @@ pub fn implausible(key: impl Into<String>, text: String) -> SceneWarning {
 }
 
 impl Scene {
-    /// Mass of all bodies and mass of the displaced water, kg.
+    /// Mass of all bodies of the robot and mass of the displaced water, kg.
     pub fn masses(&self) -> (f64, f64) {
-        self.bodies().fold((0.0, 0.0), |(mass, water), (_, body)| {
+        let robot = self.bodies().filter(|(key, _)| !key.starts_with("fixtures"));
+        robot.fold((0.0, 0.0), |(mass, water), (_, body)| {
             (mass + body.mass, water + self.water.density * body.displaced_volume(&self.water))
         })
     }

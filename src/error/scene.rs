@@ -34,12 +34,9 @@ pub enum Problem {
     /// Key that the scene does not have.
     #[error("the scene has no such key; the most similar one is {nearest}")]
     NoSuchKey { nearest: String },
-    /// Name of a body that does not come before.
-    #[error("is \"{value}\", but must be one of the bodies before it: {expected}")]
-    NoSuchBody { value: String, expected: String },
-    /// Name that is no end effector's.
-    #[error("is \"{value}\", but must be one of the end effectors: {expected}")]
-    NoSuchEndEffector { value: String, expected: String },
+    /// Name of nothing of a kind: a body that comes before, an end effector.
+    #[error("is \"{value}\", but must be one of the {of}: {expected}")]
+    NoneOf { value: String, of: &'static str, expected: String },
     /// Part that cannot be used.
     #[error("is \"{value}\": {reason}")]
     Part { value: String, reason: String },
@@ -102,7 +99,7 @@ pub enum Problem {
     #[error("{found} elements, but at most {max} are allowed")]
     TooMany { found: usize, max: usize },
     /// Too many moving joints.
-    #[error("{found} moving joints, but at most {max} are allowed: fix some (kind = \"fixed\")")]
+    #[error("{found} moving joints, but at most {max} are allowed, fixtures included: fix some (kind = \"fixed\")")]
     TooManyJoints { found: usize, max: usize },
     /// Name that is empty, reserved or taken.
     #[error("the name '{name}' is {reason}")]

@@ -41,6 +41,17 @@ pub fn check_axis(axis: &Vector3<f64>, key: impl FnOnce() -> String) -> Result<(
     if axis.norm() > 1e-9 { Ok(()) } else { Err(Fault::new(key(), Problem::ZeroAxis { axis: (*axis).into() })) }
 }
 
+/// The fault of a name that is none of the `of`, whose names are `known`.
+pub fn none_of<'a>(
+    value: &str,
+    of: &'static str,
+    known: impl Iterator<Item = &'a str>,
+    key: impl Into<String>,
+) -> Fault {
+    let expected = known.map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    Fault::new(key, Problem::NoneOf { value: value.to_owned(), of, expected })
+}
+
 /// Checks names in a list: not empty, without brackets (part of the syntax of keys), unique.
 pub fn check_names<'a>(list: impl Iterator<Item = &'a str>, reserved: &[&str], key: &str) -> Result<(), Fault> {
     let mut seen = Vec::new();

@@ -5,4 +5,4 @@ mod fault;
 pub(crate) mod numbers;
 
 pub use axes::{flip, flip_matrix, flip_six, normalise};
-pub use fault::{Fault, check_axis, check_names, check_not_negative, range};
+pub use fault::{Fault, check_axis, check_names, check_not_negative, none_of, range};

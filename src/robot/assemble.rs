@@ -186,7 +186,18 @@ impl Assembly<'_> {
             "The robot of {}. Numbers that the file does not state are ESTIMATES: see the provenance.",
             robot.file_name()
         );
-        Ok(Scene { name, summary, water, vehicle, arm, payload: None, integration: None, provenance })
+        Ok(Scene {
+            name,
+            summary,
+            water,
+            vehicle,
+            arm,
+            payload: None,
+            contact: None,
+            fixtures: Vec::new(),
+            integration: None,
+            provenance,
+        })
     }
 
     /// The scene of an arm on the vehicle of another scene.
@@ -199,9 +210,7 @@ impl Assembly<'_> {
             "{vehicle} with the arm of {file}. What water does to the arm, its servos and its end stops are ESTIMATES."
         );
         scene.name = if robot.name.is_empty() { "imported".to_owned() } else { robot.name.clone() };
-        let gone =
-            |key: &str| ["arm", "payload"].iter().any(|part| key == *part || key.starts_with(&format!("{part}.")));
-        scene.provenance.0.retain(|key, _| !gone(key));
+        scene.provenance = scene.provenance.without(&["arm", "payload"]);
         let mut origins = vec![
             (String::new(), format!("cited: {file}")),
             (".mount.frame".to_owned(), "assumed: as chosen on import".to_owned()),

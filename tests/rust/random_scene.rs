@@ -259,6 +259,8 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
             frame: random.frame(0.1),
             body: random.body(2.0, 0.3, dry),
         }),
+        contact: None,
+        fixtures: Vec::new(),
         integration: None,
         provenance: Provenance::default(),
     };

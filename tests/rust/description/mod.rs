@@ -5,6 +5,7 @@ use uvms_gym::description::Scene;
 mod axes;
 mod compose;
 mod compose_errors;
+mod contact;
 mod malformed_scenes;
 mod path;
 mod plausible;
