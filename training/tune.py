@@ -42,6 +42,7 @@ import uvms_gym
 from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import Integrator
 from uvms_gym.cli.options import ranged
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.families import BASELINE, CONTROLLERS, Limits, canonical, is_bound
@@ -257,6 +258,16 @@ def main(
     env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
     period: Annotated[float | None, typer.Option(help="Control period, s. [default: the environment's]")] = None,
+    integrator: Integrator = None,
+    dt: Annotated[
+        float | None,
+        ranged(
+            f"Step, s. [default: the scene's, or {STEPS['station-keep']:g}, tracking {STEPS['ee-track']:g}]",
+            1e-6,
+            1.0,
+            metavar="STEP",
+        ),
+    ] = None,
     axes: Annotated[
         Literal["alike", "each"], typer.Option(help="Factors of gains: shared by x and y, roll and pitch, or by axis.")
     ] = "alike",
@@ -278,7 +289,7 @@ def main(
     bounds = {is_bound(name) for name in controller}
     if len(bounds) > 1:
         raise fail("bounds are tuned in a run of their own")
-    arena = _arena(env, scene, period, threads, informed=True in bounds)
+    arena = _arena(env, scene, period, integrator, dt, threads, informed=True in bounds)
     batch = arena.batch(1)
     task, where = batch.unwrapped.task, place(batch)
     known = parameters(EACH if axes == "each" else ALIKE, task)
@@ -308,6 +319,8 @@ def main(
             "env": env,
             "scene": arena.options["scene"],
             "period": where.name,
+            "integrator": arena.options["integrator"],
+            "dt": arena.options["dt"],
             "controller": [name, CONTROLLERS[name].setting.gains, known[name]],
             "budget": budget,
             "seed": seed,
@@ -345,20 +358,31 @@ def _stored(file: Path, name: str, role: str) -> dict[str, Any]:
     return gains
 
 
-def _arena(env: str, scene: str, period: float | None, threads: int | None, informed: bool) -> Arena:
+def _arena(
+    env: str,
+    scene: str,
+    period: float | None,
+    integrator: str | None,
+    dt: float | None,
+    threads: int | None,
+    informed: bool,
+) -> Arena:
     """Make the episodes; their duration does not depend on the control period."""
     loaded = read_scene(scene)
     with user_errors(f"{env}: "):
         usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)
     inner = usual.unwrapped
-    dt, given = STEPS.get(inner.task, inner.snapshot().dt), inner.control_period
+    given = inner.control_period
+    if dt is None:
+        stated = loaded.get("integration", {}).get("step")
+        dt = inner.snapshot().dt if stated else STEPS.get(inner.task, inner.snapshot().dt)
     period = given if period is None else period
     substeps = round(period / dt)
     if substeps < 1 or not math.isclose(substeps * dt, period):
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
     options = {"scene": inner.options.scene, "dt": dt, "substeps": substeps, "threads": threads}
-    options["max_episode_steps"] = steps
+    options |= {"max_episode_steps": steps, "integrator": integrator}
     if informed:
         options["disturbance"] = {"base": inner.options.disturbance, "noise": None, "delay": None}
     return Arena(env, options, steps)

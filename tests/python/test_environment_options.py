@@ -113,6 +113,9 @@ def test_the_control_period_of_a_training_is_the_one_that_its_flags_have_elsewhe
     for flags in ({"substeps": 10}, {"dt": 0.02}):
         assert give_way(shipped, flags) == {"n_envs": 8, "env_kwargs": {"dtype": "float32"}}
     assert give_way({}, {"dt": 0.02}) == {"env_kwargs": {}}
+    # The scene states a step, which divides the period of 5 default steps.
+    assert give_way(shipped, {}, 0.01)["env_kwargs"] == {"dtype": "float32", "substeps": 5}
+    assert give_way({}, {}, 0.01) == {"env_kwargs": {}}
 
 
 @pytest.mark.learning

@@ -198,7 +198,7 @@ def test_the_command_tells_terms_costs_errors_and_what_to_do(
     for words in ("Munk", "vehicle: linear damping", "Recommendations", "do not add up", "10 s: m"):
         assert words in text
     told = json.loads(file.read_text())
-    assert told["arguments"] == {"scene": "rexrov", "episodes": 2, "seed": 5}
+    assert told["arguments"] == {"scene": "rexrov", "episodes": 2, "seed": 5, "integrator": None, "dt": None}
     assert told["ns_per_step"] > 0.0
     rows = {row["name"]: row for row in told["terms"]}
     assert rows["payload"]["saved_ns_per_step"] is None

@@ -2,6 +2,8 @@
 
 import copy
 import json
+import runpy
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import typer
 
 import uvms_gym
 from uvms_gym import SceneError, Simulator, StepWarning
+from uvms_gym._task import base
 from uvms_gym.cli import main
-from uvms_gym.cli.environments import stating_integration
+from uvms_gym.cli.app import app
+from uvms_gym.envs import TaskOptions
 
 IDS = [f"UVMS-{task}{variant}-v0" for task in ("StationKeep", "EETrack", "Dock") for variant in ("", "-Storm")]
 #: Friction of 1 N m on a wrist of 3e-4 kg m2, as in many URDF files.
@@ -227,16 +232,139 @@ def test_check_writes_no_shipped_scene_and_no_inline_table(tmp_path: Path, capsy
     assert path.read_text() == text
 
 
-def test_play_has_options_in_place_of_the_scenes_integration(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+#: Commands without --integrator and --dt, and why.
+WITHOUT = {
+    "reproduce": "the paper's steps",
+    "verify": "the stored comparison's",
+    "controllers": "lists only",
+    "disturbances": "no motion is integrated",
+    "hard-cases": "every integrator at steps of its own",
+    "accuracy": "lists of both, as it compares them",
+    **dict.fromkeys(("list", "show", "template", "estimate", "compose", "import", "export"), "no motion is integrated"),
+}
+
+
+def commands() -> dict[str, Any]:
+    """All commands by name, those of `scenes` and the script tune.py among them."""
+    path = Path(__file__).parents[2] / "training/tune.py"
+    sys.path.insert(0, str(path.parent))
+    try:
+        tune = runpy.run_path(str(path))["app"]
+    finally:
+        sys.path.remove(str(path.parent))
+    found: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    return {**found, **found["scenes"].commands, "tune": typer.main.get_command(tune)}
+
+
+def test_every_command_that_simulates_has_options_in_place_of_the_scenes_integration() -> None:
+    pytest.importorskip("cma")
+    pytest.importorskip("torch")
+    found = commands()
+    del found["scenes"]
+    assert WITHOUT.keys() < found.keys() and len(found) == 22
+    for name, command in found.items():
+        options = {option: parameter for parameter in command.params for option in parameter.opts}
+        given = {option: options.get(option) for option in ("--integrator", "--dt")}
+        if name in WITHOUT:
+            assert name == "accuracy" or not any(given.values()), name
+            continue
+        assert all(option is not None and option.default is None for option in given.values()), name
+        assert given["--integrator"].help == "Integrator. [default: the scene's, or mk4]"
+        assert "the scene's" in given["--dt"].help, name
+
+
+def written(scene: str, path: Path, **integration: Any) -> str:
+    """File of a scene that states integrator and step."""
+    path.write_text(uvms_gym.dump_scene({**uvms_gym.load_scene(scene), "integration": integration}))
+    return str(path)
+
+
+class Made(Exception):
+    """A simulator or an environment was made."""
+
+
+@pytest.mark.parametrize(
+    ("command", "period"),
+    [
+        ("play --plot x.png --seconds 0.1 --scene SCENE", 0.05),
+        ("play --plot x.png --seconds 0.1 --env UVMS-EETrack-Storm-v0 --scene SCENE", 0.1),
+        ("compare --controller pd --episodes 2 --out out --scene SCENE", 0.1),
+        ("train --env UVMS-StationKeep-v0 --env-kwargs scene:SCENE --algo ppo -n 100", 0.05),
+        ("train --env UVMS-EETrack-Storm-v0 --env-kwargs scene:SCENE --algo shac -n 100", 0.1),
+    ],
+)
+def test_environments_of_commands_follow_the_scene_and_options_override_it(
+    command: str, period: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert stating_integration({"action": "wrench"}, None, None) == {"action": "wrench"}
-    scene = stating_integration({"scene": "rexrov"}, "ros3", None)["scene"]
-    assert (scene["name"], scene["integration"]) == ("rexrov", {"integrator": "ros3"})
-    env: Any = gymnasium.make("UVMS-StationKeep-v0", **stating_integration({}, "ros2", 0.002))
-    simulator = env.unwrapped.snapshot()
-    assert (simulator.scene_name, simulator.integrator, simulator.dt) == ("petasus-pum", "ros2", 0.002)
-    plot = tmp_path / "x.png"
-    assert main(["play", "--seconds", "0.1", "--integrator", "rk4", "--plot", str(plot)]) == 2
-    assert "no integrator named 'rk4': one of mk4" in capsys.readouterr().err
-    assert main(["play", "--seconds", "0.1", "--dt", "0.002", "--plot", str(plot)]) == 0 and plot.exists()
+    if command.startswith("train"):
+        pytest.importorskip("torch")
+    monkeypatch.chdir(tmp_path)
+    written("bluerov2-heavy-alpha5", tmp_path / "mine.toml", integrator="ros2", step=0.005)
+    seen: list[tuple[Any, float]] = []
+
+    def native(options: Any, **given: Any) -> Any:
+        made = make(options, **given)
+        # (The control period is asked of the environment in its own scene.)
+        if options.scene == TaskOptions.scene:
+            return made
+        seen.append((made.snapshot(), made.control_period))
+        raise Made
+
+    make = base.native
+    monkeypatch.setattr(base, "native", native)
+    for extra, (integrator, dt) in (
+        ("", ("ros2", 0.005)),
+        ("--integrator mk3", ("mk3", 0.005)),
+        ("--dt 0.025", ("ros2", 0.025)),
+        ("--integrator ros3 --dt 0.001", ("ros3", 0.001)),
+    ):
+        # Tracking has half the scene's step.
+        dt = 0.5 * dt if "EETrack" in command and "--dt" not in extra else dt
+        with pytest.raises(Made):
+            main([*command.replace("SCENE", "mine.toml").split(), *extra.split()])
+        simulator, found = seen.pop()
+        assert (simulator.integrator, simulator.dt, found) == (integrator, pytest.approx(dt), pytest.approx(period))
+        assert not seen
+
+
+@pytest.mark.parametrize(
+    ("extra", "expected"),
+    [
+        ("", ("ros2", 0.004)),
+        ("--integrator mk3", ("mk3", 0.004)),
+        ("--dt 0.02", ("ros2", 0.02)),
+        ("--integrator ros3 --dt 0.001", ("ros3", 0.001)),
+    ],
+)
+def test_simulators_of_commands_follow_the_scene_and_options_override_it(
+    extra: str, expected: tuple[str, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    pool = Path(__file__).parents[1] / "data/pool"
+    written(str(pool / "start.toml"), tmp_path / "mine.toml", integrator="ros2", step=0.004)
+    logs = f"mine.toml {pool} --map {pool}/map.toml"
+    made: list[tuple[str, float]] = []
+
+    def simulator(*arguments: Any, **options: Any) -> Any:
+        found = Simulator(*arguments, **options)
+        if "replay" in patched and "prescribed_joints" not in options:
+            return found  # It has names and balance, and no steps.
+        made.append((found.integrator, found.dt))
+        raise Made
+
+    def errors(motion: Any, terms: Any, step: float) -> Any:
+        made.append((Simulator(motion.scene).integrator, step))
+        raise Made
+
+    for patched, replacement, command in (
+        ("uvms_gym.Simulator", simulator, "scenes check mine.toml"),
+        ("uvms_gym.studies.speed.physics.Simulator", simulator, "bench --quick --scene mine.toml"),
+        ("uvms_gym.identification.replay.Simulator", simulator, f"validate {logs}"),
+        ("uvms_gym.identification.replay.Simulator", simulator, f"fit {logs} --free vehicle.body.mass --out f.toml"),
+        ("uvms_gym.studies.terms.ablation.trajectory_errors", errors, "scenes explain mine.toml --episodes 2"),
+    ):
+        made.clear()
+        with monkeypatch.context() as patch, pytest.raises(Made):
+            patch.setattr(patched, replacement)
+            main([*command.split(), *extra.split()])
+        assert made == [(expected[0], pytest.approx(expected[1]))], command

@@ -13,6 +13,7 @@ from typer import Option
 import uvms_gym
 from uvms_gym.cli import bench_report
 from uvms_gym.cli.common import check_known, check_list, fail, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import Integrator, Step, stating_integration
 from uvms_gym.cli.options import Json, Out, ranged, several, within
 from uvms_gym.cli.output import name_files, write_results
 from uvms_gym.studies.progress import tracked
@@ -53,7 +54,8 @@ def bench(
         list[str] | None, several("Instruction set, as UVMS_INSTRUCTION_SET names it", "the widest")
     ] = None,
     substeps: Annotated[list[int] | None, _counts("Steps per call", ", ".join(map(str, SUBSTEPS)), 1000)] = None,
-    integrator: Annotated[str | None, Option(help="Integrator. [default: each scene's]")] = None,
+    integrator: Integrator = None,
+    dt: Step = None,
     repeats: Annotated[
         int | None, ranged(f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]", 1, MOST_REPEATS)
     ] = None,
@@ -84,6 +86,7 @@ def bench(
         "instruction_set": list(dict.fromkeys(instruction_set)) if instruction_set else None,
         "substeps": sorted(set(substeps or (QUICK_SUBSTEPS if quick else SUBSTEPS))),
         "integrator": integrator,
+        "dt": dt,
         "repeats": repeats or (QUICK_REPEATS if quick else REPEATS),
         "seed": seed,
         "quick": quick,
@@ -91,7 +94,7 @@ def bench(
         "peers": with_peers,
         "sb3": sb3,
     }
-    loaded = [read_scene(name) for name in arguments["scene"]]
+    loaded = [stating_integration(read_scene(name), integrator, dt) for name in arguments["scene"]]
     acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
     with user_errors():
         for module, package in peers.PACKAGES.items() if with_peers else ():
@@ -150,9 +153,7 @@ def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any]) -> lis
     for scene in tracked(loaded, "physics"):
         choices = (arguments[key] for key in ("dtype", "threads", "n", "substeps"))
         settings = [
-            physics.Setting(
-                scene, n, threads, dtype, substeps, arguments["integrator"], varied, instruction_set, arguments["seed"]
-            )
+            physics.Setting(scene, n, threads, dtype, substeps, varied, instruction_set, arguments["seed"])
             for instruction_set, dtype, threads, n, substeps, varied in itertools.product(
                 arguments["instruction_set"] or [None], *choices, (False, True)
             )

@@ -12,7 +12,14 @@ from typer import Argument, Option
 from uvms_gym._files import replacing
 from uvms_gym.cli import compare_report
 from uvms_gym.cli.common import check_list, fail, line, prepare, progress, read_scene, user_errors
-from uvms_gym.cli.environments import EnvKwargs, check_environment, environment_arguments
+from uvms_gym.cli.environments import (
+    EnvKwargs,
+    Integrator,
+    PeriodStep,
+    check_environment,
+    environment_arguments,
+    with_step,
+)
 from uvms_gym.cli.options import CONTROLLER_HELP, Json, Out, Policies, ranged, several
 from uvms_gym.cli.output import name_files, say, write_results
 from uvms_gym.controllers.families import canonical
@@ -31,6 +38,8 @@ def compare(
     env: Annotated[list[str] | None, several("Environment, by Gymnasium's id", "UVMS-StationKeep-Storm-v0")] = None,
     scene: Annotated[list[str] | None, several("Scene: name or TOML file", "the environment's, petasus-pum")] = None,
     env_kwargs: EnvKwargs = None,
+    integrator: Integrator = None,
+    dt: PeriodStep = None,
     controller: Annotated[list[str] | None, several(CONTROLLER_HELP, "every available controller")] = None,
     policies: Policies = None,
     episodes: Annotated[
@@ -72,13 +81,14 @@ def compare(
     """
     with user_errors():
         controller = [canonical(name) for name in controller or ()]
+    envs = check_list("env", env, ["UVMS-StationKeep-Storm-v0"])
     named = {"scene": scene, "disturbance": disturbance, "max_current": current, "action": action}
-    arguments = environment_arguments(env_kwargs, **named)
+    arguments = with_step(environment_arguments(env_kwargs, integrator=integrator, **named), dt, envs)
     scenes = check_list("scene", _names(arguments, "scene"), ["petasus-pum"])
     levels = check_list("disturbance", _names(arguments, "disturbance"), [])
     options = {"action": "wrench", **{key: arguments.pop(key) for key in STORED if key in arguments}}
     given: dict[str, Any] = {
-        "env": check_list("env", env, ["UVMS-StationKeep-Storm-v0"]),
+        "env": envs,
         "scene": scenes,
         # Scores do not depend on the reward.
         "env_kwargs": {key: value for key, value in arguments.items() if key != "reward"},

@@ -6,10 +6,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.cli.common import console, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.common import console, fail, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import Integrator, stating_integration
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
-from uvms_gym.studies.accuracy.driven_motion import CURRENT
+from uvms_gym.studies.accuracy.driven_motion import CURRENT, PERIOD
+from uvms_gym.studies.accuracy.episodes import divides
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.terms import ablation
 from uvms_gym.studies.terms.ablation import INSTANTS, STEP, TIME, Ablation, Saving
@@ -26,27 +28,34 @@ def explain(
     scene: SceneArgument,
     episodes: Annotated[int, ranged(f"Motions of the ensemble, 1 to {MOST_EPISODES}.", 1, MOST_EPISODES)] = 64,
     seed: Annotated[int, ranged("Seed of the ensemble.", 0)] = 0,
+    integrator: Integrator = None,
+    dt: Annotated[
+        float | None,
+        ranged(f"Step, s, that divides {PERIOD:g} s. [default: the scene's, at most {STEP:g}]", 1e-4, PERIOD, "--dt"),
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Measure the cost of each modelled term per step, and the error without it.
 
     Takes about ten seconds on this machine: terms are removed from the scene one at a time.
     """
-    loaded = read_scene(scene)
+    loaded = stating_integration(read_scene(scene), integrator, None)
+    if dt is not None and not divides(dt, PERIOD):
+        raise fail(f"--dt is {dt:g}, but must divide {PERIOD:g} s")
     prepare(None, json_file)
     with progress(), user_errors(f"{scene}: "):
-        found = ablation.ablate(loaded, episodes, seed)
+        found = ablation.ablate(loaded, episodes, seed, dt)
     console.print(loaded["name"], style="bold", markup=False)
     console.print()
     _print_costs(found)
     if found.removable:
         _print_errors(found)
         _print_choices(found)
-        _print_conditions(episodes, found.integration_error)
+        _print_conditions(episodes, found)
     else:
         say("No term of this scene can be removed.")
     if json_file is not None:
-        arguments = {"scene": scene, "episodes": episodes, "seed": seed}
+        arguments = {"scene": scene, "episodes": episodes, "seed": seed, "integrator": integrator, "dt": dt}
         write_json(json_file, circumstances("scenes explain", arguments) | found.as_data())
 
 
@@ -114,12 +123,13 @@ def _print_choices(found: Ablation) -> None:
     table(title, ("removed", "recommendation", "saves", "tip m"), rows, 2)
 
 
-def _print_conditions(episodes: int, floor: NDArray[np.float64]) -> None:
+def _print_conditions(episodes: int, found: Ablation) -> None:
+    position, attitude, tip = found.integration_error[-1]
     say(
         f"Errors are medians over {episodes} motions of {TIME:g} s with random starts, wrenches, joint references and "
         f"currents up to {CURRENT:g} m/s, in open loop: a controller would reduce them. Integration errors at the step "
-        f"of {STEP:g} s are {floor[-1, 0]:.0e} m, {floor[-1, 1]:.0e} rad and {floor[-1, 2]:.0e} m at the end; '<': "
-        f"below {SIGNIFICANT:g} times that, '0': not one bit of difference. Costs are of MK4 steps in double "
+        f"of {found.step:g} s are {position:.0e} m, {attitude:.0e} rad and {tip:.0e} m at the end; '<': below "
+        f"{SIGNIFICANT:g} times that, '0': not one bit of difference. Costs are of {found.integrator} steps in double "
         f"precision, {ablation.TIMED} instances on one thread of this machine: medians of {ablation.BATCHES} batches "
         f"of interleaved rounds, with intervals of {ablation.DEVIATIONS:g} standard deviations; '<': within noise. "
         "Savings and errors of single terms do not add up. All depend on the scene's numbers; `uvms scenes show` lists "

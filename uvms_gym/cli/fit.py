@@ -10,7 +10,8 @@ from typer import Option
 import uvms_gym
 from uvms_gym._files import read_text, write
 from uvms_gym.cli.common import check_list, fail, line, prepare, progress, user_errors
-from uvms_gym.cli.logs import Logs, Map, Period, print_errors, read_logs
+from uvms_gym.cli.environments import Integrator
+from uvms_gym.cli.logs import Logs, LogStep, Map, Period, print_errors, read_logs
 from uvms_gym.cli.options import SceneArgument, several
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.identification import Fit, files
@@ -51,6 +52,8 @@ def fit(
         several(f"Channel that counts, of {', '.join(CHANNELS)}", "roll, pitch, gyro x, y; all with thrusters"),
     ] = None,
     period: Period = PERIOD,
+    integrator: Integrator = None,
+    dt: LogStep = None,
     balance: Annotated[bool, Option(help="Fit static balance as well, for comparison.")] = True,
     name: Annotated[str | None, Option(help="Name of the fitted scene. [default: the name of FILE]")] = None,
     force: Annotated[bool, Option("--force", help="Overwrite existing files.")] = False,
@@ -90,10 +93,12 @@ def fit(
                 channels=channels,
                 balance=balance,
                 period=period,
+                integrator=integrator,
+                dt=dt,
                 report=report,
             )
     given: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "free": free, "hold_out": hold_out}
-    given |= {"prior": priors, "channel": channels, "period": period}
+    given |= {"prior": priors, "channel": channels, "period": period, "integrator": integrator, "dt": dt}
     _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
     _print(found)
     line(", ".join(map(str, written)))

@@ -17,6 +17,11 @@ from uvms_gym.identification.validation import select
 
 Logs = Annotated[Path, Argument(metavar="LOGS", help="Directory of the logs, or a bag.")]
 Map = Annotated[Path, Option("--map", metavar="FILE", help="Map of the logs' channels (docs/logs.md).")]
+#: Step of replays.
+LogStep = Annotated[
+    float | None,
+    ranged("Maximum step, s. [default: 0.005 to 0.05, by joints and thrusters, or the scene's]", 1e-5, 1.0, "--dt"),
+]
 Period = Annotated[float, ranged("Interval between compared samples, s.", 0.01, 1.0)]
 
 

@@ -13,11 +13,11 @@ from uvms_gym.cli.common import fail, line, need, prepare, progress, read_scene,
 from uvms_gym.cli.environments import (
     EnvKwargs,
     Integrator,
+    PeriodStep,
     Scene,
-    Step,
     check_environment,
     environment_arguments,
-    stating_integration,
+    with_step,
 )
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.options import CONTROLLER_HELP, Policies, ranged
@@ -44,7 +44,7 @@ def play(
     scene: Scene = None,
     env_kwargs: EnvKwargs = None,
     integrator: Integrator = None,
-    dt: Step = None,
+    dt: PeriodStep = None,
     controller: Annotated[
         str | None, Option(metavar="NAME", help=f"{CONTROLLER_HELP}. [default: the task's reference, such as pd]")
     ] = None,
@@ -96,10 +96,10 @@ def play(
     other = window or any(given is not None for given in (out, size, fps, camera, plot))
     web = web or not other
     env = env or (STORM if web else DEFAULT)
-    arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance)
+    arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance, integrator=integrator)
+    arguments = with_step(arguments, dt, [env])
     if isinstance(given := arguments.get("scene"), str):
         read_scene(given)
-    arguments = stating_integration(arguments, integrator, dt)
     level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
         if other:

@@ -11,6 +11,7 @@ from typer import Option
 import uvms_gym
 from uvms_gym._scene import bodies, buoyancy_of
 from uvms_gym.cli.common import console, fail, prepare, read_scene
+from uvms_gym.cli.environments import Integrator, Step, stating_integration
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.cli.scene_file import write_integration
@@ -82,6 +83,8 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
 def check(
     scene: SceneArgument,
     speed: Speed = None,
+    integrator: Integrator = None,
+    dt: Step = None,
     strict: Annotated[bool, Option("--strict", help="Exit status 1 if there are warnings.")] = False,
     write: Annotated[
         bool, Option("--write", help="Write the recommended integrator and step into the file; all else stays.")
@@ -92,7 +95,7 @@ def check(
 
     A fault is one line with file, key and value, and exit status 2.
     """
-    loaded = read_scene(scene)
+    loaded = stating_integration(read_scene(scene), integrator, dt)
     if write and not scene.endswith(".toml"):
         raise fail(f"--write needs a file of your own, but {scene} is a shipped scene")
     prepare(None, json_file)

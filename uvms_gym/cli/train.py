@@ -11,8 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Option
 
 from uvms_gym._files import write
-from uvms_gym.cli.common import fail, hold, line, need, prepare, progress, user_errors
-from uvms_gym.cli.environments import EnvKwargs, check_environment, environment_arguments
+from uvms_gym.cli.common import fail, hold, line, need, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.environments import (
+    EnvKwargs,
+    Integrator,
+    PeriodStep,
+    check_environment,
+    default_step,
+    environment_arguments,
+    with_step,
+)
 from uvms_gym.cli.options import ranged
 from uvms_gym.studies.records import circumstances
 
@@ -55,6 +63,8 @@ def train(
         Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo or shac begins with.")
     ] = None,
     env_kwargs: EnvKwargs = None,
+    integrator: Integrator = None,
+    dt: PeriodStep = None,
     hyperparams: Annotated[
         list[str] | None,
         Option(
@@ -126,6 +136,8 @@ def train(
             "--teacher": teacher,
             "--start": start,
             "--env-kwargs": env_kwargs,
+            "--integrator": integrator,
+            "--dt": dt,
             "--hyperparams": hyperparams,
             "--conf-file": conf_file,
         }
@@ -143,15 +155,20 @@ def train(
         ):
             if value is not None and algo not in owners:
                 raise fail(f"{option} is for --algo {' or '.join(owners)}")
+        from uvms_gym.envs import TaskOptions
         from uvms_gym.training.hyperparameters import give_way, parse_pairs, read_hyperparameters
         from uvms_gym.training.run import Settings
 
         check_environment(env)
-        arguments = environment_arguments(env_kwargs)
         with user_errors():
             pairs = parse_pairs(hyperparams or ())
             variant = "residual" if base is not None else "start" if start is not None else None
-            found = give_way(read_hyperparameters(env, conf_file, variant=variant, algo=algo), arguments) | pairs
+            found = read_hyperparameters(env, conf_file, variant=variant, algo=algo)
+        arguments = environment_arguments(env_kwargs, integrator=integrator)
+        arguments = with_step(arguments, dt, [env], found.get("env_kwargs", {}))
+        scene = read_scene(arguments.get("scene", TaskOptions.scene))
+        usual = default_step(env) if "step" in scene.get("integration", {}) else None
+        found = give_way(found, arguments, usual) | pairs
         if n_envs is not None:
             found["n_envs"] = n_envs
         settings = Settings(env, found, arguments, seed or 0, base, algo=algo, teacher=teacher)

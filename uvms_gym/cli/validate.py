@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 from typer import Option
 
 from uvms_gym.cli.common import check_list, prepare, user_errors
-from uvms_gym.cli.logs import Logs, Map, Period, print_errors, read_logs
+from uvms_gym.cli.environments import Integrator
+from uvms_gym.cli.logs import Logs, LogStep, Map, Period, print_errors, read_logs
 from uvms_gym.cli.options import Json, Out, SceneArgument, several
 from uvms_gym.cli.output import name_files, say, write_results
 from uvms_gym.identification import validate as run
@@ -27,6 +28,8 @@ def validate(
     ] = "prescribed",
     thrusters: Annotated[Literal["log", "off"], Option(help="Thrust as commanded in the logs, or none.")] = "log",
     period: Period = PERIOD,
+    integrator: Integrator = None,
+    dt: LogStep = None,
     out: Out = Path("out/validate"),
     json_file: Json = None,
 ) -> None:
@@ -38,9 +41,16 @@ def validate(
     read = read_logs(scene, logs, map_file, check_list("--trial", trial, []))
     prepare(out, json_file, FILES)
     with user_errors():
-        found = run(scene, read, joints=joints, thrusters=thrusters, period=period)
+        given: dict[str, Any] = {
+            "joints": joints,
+            "thrusters": thrusters,
+            "period": period,
+            "integrator": integrator,
+            "dt": dt,
+        }
+        found = run(scene, read, **given)
     arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or []}
-    arguments |= {"joints": joints, "thrusters": thrusters, "period": period}
+    arguments |= given
     data = {"circumstances": circumstances("validate", arguments), "errors": found.table.as_data()}
     write_results(out, FILES, json_file, data)
     with user_errors(verb="write"):

@@ -114,6 +114,8 @@ def fit(
     channels: Sequence[str] | None = None,
     balance: bool = True,
     period: float = PERIOD,
+    integrator: str | None = None,
+    dt: float | None = None,
     report: Report | None = None,
 ) -> Fit:
     """Fit numbers of a scene, and of the logs' map, to logs.
@@ -142,6 +144,8 @@ def fit(
         Fit static balance as well, for comparison.
     period : float
         Interval between compared samples, s.
+    integrator, dt : optional
+        Integrator and maximum step, s, of the replays, as of `validate`.
     report : callable, optional
         Called after every iteration. KeyboardInterrupt ends the fit of the dynamics; the result is the best
         step so far.
@@ -163,12 +167,13 @@ def fit(
         raise ValueError(f"{len(train)} trials to fit, but at least 2 are needed")
     parameters = make_parameters(loaded, free, map_data, priors)
     chosen = counting(train, channels)
-    problem = ReplayProblem(loaded, Replay(train, step=stated_step(loaded)), parameters, chosen)
+    steps: dict[str, Any] = {"step": stated_step(loaded), "dt": dt, "integrator": integrator}
+    problem = ReplayProblem(loaded, Replay(train, **steps), parameters, chosen)
     solution = minimise(problem, report and partial(report, "dynamics"), stoppable=True)
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
     changed = load_scene(changed)
-    everything = Replay(recordings, step=stated_step(loaded))
+    everything = Replay(recordings, **steps)
     measured = everything.measured_with(corrections)
     errors = {
         "fitted": predict(changed, everything, chosen, corrections) - measured,
@@ -177,9 +182,7 @@ def fit(
         "constant": everything.constant() - everything.measured,
     }
     if balance:
-        errors["balance fitted"] = _fit_balance(
-            loaded, Replay(train, step=everything.step), everything, parameters, report
-        )
+        errors["balance fitted"] = _fit_balance(loaded, Replay(train, **steps), everything, parameters, report)
     table = Table(tuple(names), {name: rms(e) for name, e in errors.items()})
     return Fit(
         start=loaded,

@@ -111,8 +111,8 @@ class ReplayProblem:
 
 def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corrections: Corrections) -> Floats:
     """(N, T + 1, 12) predicted channels; the states at the start are those that fit the first second."""
-    own: dict[str, Any] = {"thrusters": replay.thrusters, "prescribed": replay.prescribed, "step": replay.step}
-    first = Replay([r.first(WINDOW) for r in replay.recordings], **own)
+    own: dict[str, Any] = {"thrusters": replay.thrusters, "prescribed": replay.prescribed}
+    first = Replay([r.first(WINDOW) for r in replay.recordings], **own, **replay.integration)
     problem = ReplayProblem(scene, first, [], channels, corrections=corrections)
     return replay.run(scene, corrections, *problem.initial(minimise(problem).own))
 

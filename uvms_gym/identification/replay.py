@@ -43,21 +43,30 @@ class Replay:
     """Inputs of all trials, side by side.
 
     All recordings have the same period. `thrusters` gives thrust as commanded in the logs, else none; with `prescribed`
-    the joints move as in the logs, else the scene's servos follow them. Steps are at most `step`, s.
+    the joints move as in the logs, else the scene's servos follow them. Steps are at most `step`, s; with `dt`, s, they
+    are the longest of at most `dt` that divide the period. None: the scene's integrator.
     """
 
     def __init__(
-        self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True, step: float = np.inf
+        self,
+        recordings: Sequence[Recording],
+        *,
+        thrusters: bool = True,
+        prescribed: bool = True,
+        step: float = np.inf,
+        dt: float | None = None,
+        integrator: str | None = None,
     ) -> None:
         self.recordings = list(recordings)
-        self.prescribed, self.step = prescribed, step
+        self.prescribed, self.step, self.dt, self.integrator = prescribed, step, dt, integrator
         self.period = self.recordings[0].period
         self.thrusters = thrusters and all(r.log.thrusters is not None for r in self.recordings)
         # (Calls per interval, for a driven vehicle: thrust is no linear function of commands, of which means count.)
         servos = not prescribed and self.recordings[0].log.joints is not None
         own = SERVO_STEP if servos else DRIVEN_STEP if self.thrusters else STEP
         self.substeps = max(round(self.period / own), 1)
-        if step < own:
+        if dt is not None or step < own:
+            step = step if dt is None else dt
             self.substeps = max(int(np.ceil(self.period / step - 1e-9)), 1)
         self.measured = padded([r.measured for r in self.recordings])
         for row, r in zip(self.measured, self.recordings):
@@ -66,6 +75,11 @@ class Replay:
         # By lag: the uncorrected one, and those of a fit's last steps.
         self._cubics = lru_cache(4)(lambda lag: padded([_resting(r.cubics(lag)) for r in self.recordings])[:, :-1])
         self._commands = lru_cache(4)(lambda lag: padded([r.commands(lag, self.substeps) for r in self.recordings]))
+
+    @property
+    def integration(self) -> dict[str, Any]:
+        """Arguments of replays with the same integrator and steps."""
+        return {"step": self.step, "dt": self.dt, "integrator": self.integrator}
 
     def cubics(self, corrections: Corrections) -> Floats:
         """(N, T, joints, 4) motion of the joints."""
@@ -121,7 +135,7 @@ class Replay:
         if not self.thrusters:
             vehicle = {key: v for key, v in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
             scene = scene | {"vehicle": vehicle, "provenance": {}}
-        simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=prescribed)
+        simulator = Simulator(scene, count, dt=dt, integrator=self.integrator, threads=1, prescribed_joints=prescribed)
         state: dict[str, Any] = {
             "position": start[:, 6:9],
             "quaternion": rotations.from_rpy(start[:, ANGLES]),

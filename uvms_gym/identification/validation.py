@@ -94,6 +94,8 @@ def validate(
     joints: Literal["prescribed", "servos"] = "prescribed",
     thrusters: Literal["log", "off"] = "log",
     period: float = PERIOD,
+    integrator: str | None = None,
+    dt: float | None = None,
 ) -> Validation:
     """Replay logs with a scene and compare.
 
@@ -111,6 +113,11 @@ def validate(
         Thrust as commanded in the logs, or none.
     period : float
         Interval between compared samples, s.
+    integrator : str, optional
+        Integrator; default: the scene's.
+    dt : float, optional
+        Maximum step, s; default: 0.05 of a floating vehicle, 0.0125 with thrusters, 0.005 with servos, or the scene's
+        where it is shorter.
 
     Raises
     ------
@@ -121,7 +128,7 @@ def validate(
     recordings = [record(log, period) for log in logs]
     check(loaded, recordings)
     inputs = {"thrusters": thrusters == "log", "prescribed": joints == "prescribed"}
-    replay = Replay(recordings, **inputs, step=stated_step(loaded))
+    replay = Replay(recordings, **inputs, step=stated_step(loaded), dt=dt, integrator=integrator)
     channels = counting(recordings, thrusters=thrusters == "log")
     replayed = predict(loaded, replay, channels, Corrections())
     predicted = {"replay": replayed, "balance": replay.balance(loaded), "constant": replay.constant()}

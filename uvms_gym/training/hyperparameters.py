@@ -46,14 +46,19 @@ def read_hyperparameters(
     return {**tables[env], **(tables.get(f"{env}/{variant}", {}) if variant else {})}
 
 
-def give_way(hyperparameters: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+def give_way(
+    hyperparameters: Mapping[str, Any], arguments: Mapping[str, Any], step: float | None = None
+) -> dict[str, Any]:
     """Hyperparameters for an environment with arguments of the user's.
 
-    Step and substeps make the control period together, so either of the user's takes the place of both.
+    Step and substeps make the control period together, so either of the user's takes the place of both. `step` is the
+    task's default step, s, if the scene states one of its own, which then divides the same control period.
     """
     own = dict(hyperparameters.get("env_kwargs", {}))
     if "dt" in arguments or "substeps" in arguments:
         own = {key: value for key, value in own.items() if key not in ("dt", "substeps")}
+    elif step is not None and {"dt", "substeps"} <= own.keys():
+        own["substeps"] = max(1, round(own.pop("dt") * own["substeps"] / step))
     return {**hyperparameters, "env_kwargs": own}
 
 

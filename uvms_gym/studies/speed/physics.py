@@ -14,8 +14,10 @@ from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.timing import Case, Times, interleave, summary
 
-#: Standard deviation of initial twists (m/s and rad/s), range of constant thrusts (share of the limits), and step, s.
-TWIST, THRUST, DT = 0.1, 0.05, 0.01
+#: Standard deviation of initial twists (m/s and rad/s), range of constant thrusts (share of the limits).
+TWIST, THRUST = 0.1, 0.05
+#: Step beside peers, s.
+DT = 0.01
 #: Relative range of the parameters of varied instances.
 VARIED = 0.1
 #: Maximum payload, kg.
@@ -23,14 +25,13 @@ PAYLOAD = 0.5
 
 
 class Setting(NamedTuple):
-    """A case of the study. None: the scene's integrator, the instruction set of this process."""
+    """A case of the study, with the scene's integrator and step. None: the instruction set of this process."""
 
     scene: dict[str, Any]
     n: int = 1024
     threads: int = 1
     dtype: str = "float64"
     substeps: int = 10
-    integrator: str | None = None
     varied: bool = False
     instruction_set: str | None = None
     seed: int = 0
@@ -46,8 +47,8 @@ class Stepping(Case):
     @classmethod
     def of(cls, setting: Setting) -> Self:
         """Make a moving batch under thrusts and joint targets, not watched for errors, as peers are not."""
-        options = {name: getattr(setting, name) for name in ("integrator", "dtype", "threads")}
-        simulator = Simulator(setting.scene, setting.n, dt=DT, error_estimate=False, **options)
+        options = {name: getattr(setting, name) for name in ("dtype", "threads")}
+        simulator = Simulator(setting.scene, setting.n, error_estimate=False, **options)
         rng = np.random.default_rng(setting.seed)
         if setting.varied:
             vary(simulator, rng)

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym import Simulator
-from uvms_gym.studies.accuracy.driven_motion import Motion, Track, driven_motion, follow
+from uvms_gym.studies.accuracy.driven_motion import PERIOD, Motion, Track, driven_motion, follow
 from uvms_gym.studies.numerics import Floats, state_errors
 from uvms_gym.studies.progress import tracked
 from uvms_gym.studies.terms.scene_terms import ALL, CURRENT, Term, edited, terms_of
 
-#: Step of all runs, s; length of the motion and instants of errors, s.
+#: Maximum step of runs, s, where none is given; length of the motion and instants of errors, s.
 STEP, TIME, INSTANTS = 0.005, 10.0, (1.0, 10.0)
 #: Measurement of cost: instances, timed steps, interleaved rounds of all variants, and batches of rounds, each with its
 #: own simulators: their places in memory make a greater difference than many a term.
@@ -42,6 +42,9 @@ class Saving(NamedTuple):
 class Ablation(NamedTuple):
     """Terms of a scene with their costs and effects."""
 
+    #: Integrator and step, s, of all runs.
+    integrator: str
+    step: float
     #: All terms, present or not.
     terms: list[Term]
     #: Cost of a step of the whole scene, ns per instance.
@@ -61,7 +64,8 @@ class Ablation(NamedTuple):
     def as_data(self) -> dict[str, Any]:
         """Results as dictionaries."""
         return {
-            "step": STEP,
+            "integrator": self.integrator,
+            "step": self.step,
             "ns_per_step": self.step_cost,
             "integration_error": _by_time(self.integration_error),
             "terms": [
@@ -77,17 +81,22 @@ class Ablation(NamedTuple):
         }
 
 
-def ablate(scene: dict[str, Any], episodes: int, seed: int) -> Ablation:
-    """Measure costs and effects of all terms over an ensemble of driven motions."""
+def ablate(scene: dict[str, Any], episodes: int, seed: int, step: float | None = None) -> Ablation:
+    """Measure costs and effects of all terms over an ensemble of driven motions.
+
+    Runs have the scene's integrator and a step, s, that divides the drive's period; None: the scene's, at most `STEP`.
+    """
     terms = terms_of(scene)
+    if step is None:
+        step = PERIOD / math.ceil(PERIOD / min(STEP, Simulator(scene).dt) - 1e-9)
     with warnings.catch_warnings():
         # A scene without a term may be stiff at this step; its error shows that.
         warnings.simplefilter("ignore")
         motion = driven_motion(scene, episodes, TIME, seed)
         removable = [term for term in terms if term.remove is not None]
-        floor, errors = trajectory_errors(motion, removable)
-        whole, savings = step_costs(motion.tiled(TIMED), removable, seed)
-    return Ablation(terms, whole, savings, floor, errors)
+        floor, errors = trajectory_errors(motion, removable, step)
+        whole, savings = step_costs(motion.tiled(TIMED), removable, seed, step)
+    return Ablation(Simulator(scene).integrator, step, terms, whole, savings, floor, errors)
 
 
 def without_term(motion: Motion, term: Term) -> Motion:
@@ -99,7 +108,7 @@ def without_term(motion: Motion, term: Term) -> Motion:
     return motion._replace(scene=edited(motion.scene, term.remove), start=start)
 
 
-def trajectory_errors(motion: Motion, terms: Sequence[Term]) -> tuple[Floats, dict[str, Floats]]:
+def trajectory_errors(motion: Motion, terms: Sequence[Term], step: float = STEP) -> tuple[Floats, dict[str, Floats]]:
     """Median errors (times, 3) of the motion: of the integration, by half the step, and without each term, by name.
 
     Infinite where a motion is not finite.
@@ -112,10 +121,10 @@ def trajectory_errors(motion: Motion, terms: Sequence[Term]) -> tuple[Floats, di
         parts = {name: getattr(track, name)[rows] for name in ("position", "rotation", "q", "end_effector")}
         return track._replace(**parts)
 
-    reference = end(motion, STEP)
-    floor = _distance(reference, end(motion, 0.5 * STEP))
+    reference = end(motion, step)
+    floor = _distance(reference, end(motion, 0.5 * step))
     motions = {term.name: without_term(motion, term) for term in terms}
-    ends = {name: end(other, STEP) for name, other in tracked(motions.items(), "errors")}
+    ends = {name: end(other, step) for name, other in tracked(motions.items(), "errors")}
     return floor, {name: _distance(reference, other) for name, other in ends.items()}
 
 
@@ -125,8 +134,8 @@ def _distance(a: Track, b: Track) -> Floats:
     return np.stack([np.median(errors[name], axis=-1) for name in QUANTITIES], axis=-1)
 
 
-def step_costs(motion: Motion, terms: Sequence[Term], seed: int) -> tuple[float, dict[str, Saving]]:
-    """Cost of an MK4 step of the whole scene, ns per instance, and savings without each term.
+def step_costs(motion: Motion, terms: Sequence[Term], seed: int, step: float = STEP) -> tuple[float, dict[str, Saving]]:
+    """Cost of a step of the whole scene, ns per instance, and savings without each term.
 
     All variants take turns in each round, in random order, on one thread, through the same part of the motion.
     """
@@ -140,7 +149,7 @@ def step_costs(motion: Motion, terms: Sequence[Term], seed: int) -> tuple[float,
         for batch in tracked(times, "costs"):
             # Old simulators live until all new ones do, so that these lie elsewhere in memory.
             order = rng.permutation(len(motions)).tolist()
-            simulators = {k: Simulator(motions[k].scene, TIMED, dt=STEP, threads=1) for k in order}
+            simulators = {k: Simulator(motions[k].scene, TIMED, dt=step, threads=1) for k in order}
             for row in [batch[0], *batch]:
                 for k in rng.permutation(len(motions)).tolist():
                     row[k] = _timed(simulators[k], motions[k])
