@@ -41,7 +41,8 @@ def import_robot(
         extra `import`; without it meshes are left out, with a note.
     vehicle : str, os.PathLike or dict, optional
         Scene of the water and the vehicle, which take the place of the file's hull; its arm and payload are left out.
-        An arm alone is mounted on `bluerov2-heavy` by default.
+        An arm alone is mounted on `bluerov2-heavy` by default, and on `rexrov` if its mass is above a quarter of the
+        former's, 3.4 kg.
     mount : sequence of 6 floats, optional
         First link in the frame of that vehicle: x, y, z (m), roll, pitch, yaw (rad). Default: at its origin.
     base : str, optional

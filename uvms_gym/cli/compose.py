@@ -9,9 +9,8 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli.common import console, fail
-from uvms_gym.cli.options import Force
+from uvms_gym.cli.options import Force, TextFile, placement
 from uvms_gym.cli.output import write_text
-from uvms_gym.cli.robots import File, _numbers
 
 _ARM = re.compile(r"(?P<name>[^=]+)=(?P<part>.+?)(@(?P<pose>[^@:]*))?(:on=(?P<on>.+))?")
 _VEHICLE_HELP = "Part with the vehicle: a shipped scene, or a TOML file."
@@ -29,7 +28,7 @@ def compose(
     ] = None,
     name: Annotated[str | None, Option(help="Name of the scene. [default: that of --out, or composed]")] = None,
     expand: Annotated[bool, Option("--expand", help="Write all numbers instead of the names of the parts.")] = False,
-    out: File = None,
+    out: TextFile = None,
     force: Force = False,
 ) -> None:
     """Compose a scene of a vehicle and any number of arms.
@@ -60,10 +59,7 @@ def _arm(text: str) -> dict[str, Any]:
     if found["on"]:
         entry["on"] = found["on"]
     if found["pose"] is not None:
-        pose = _numbers("--arm", found["pose"])
-        if len(pose) not in (3, 6):
-            raise fail(f'--arm "{text}" needs 3 or 6 numbers after the @')
-        entry["mount"] = {"frame": {"position": pose[:3], "rpy": pose[3:] or [0.0, 0.0, 0.0]}}
+        entry["mount"] = {"frame": placement("--arm", text, found["pose"])}
     return entry
 
 

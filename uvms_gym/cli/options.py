@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from typer import Argument, CallbackParam, Option
 
-from uvms_gym.cli.common import check_range, held, user_errors
+from uvms_gym.cli.common import check_range, fail, held, user_errors
 from uvms_gym.controllers.registry import policies_in
 
 
@@ -35,6 +35,22 @@ def ranged(text: str, minimum: float, most: float = math.inf, *names: str, **opt
     return Option(*names, help=text, callback=within(minimum, most), **options)
 
 
+def vector(option: str, text: str) -> list[float]:
+    """Numbers of an option, separated by commas."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise fail(f'{option} "{text}" is no vector of numbers separated by commas') from None
+
+
+def placement(option: str, text: str, pose: str) -> dict[str, list[float]]:
+    """Position, m, and roll, pitch, yaw, rad (default 0), behind the @ of an option's text."""
+    numbers = vector(option, pose)
+    if len(numbers) not in (3, 6):
+        raise fail(f'{option} "{text}" needs 3 or 6 numbers after the @')
+    return {"position": numbers[:3], "rpy": numbers[3:] or [0.0, 0.0, 0.0]}
+
+
 def _search(folder: Path | None) -> Path | None:
     """Search a folder of policies until the command ends."""
     if folder is not None:
@@ -45,6 +61,10 @@ def _search(folder: Path | None) -> Path | None:
 
 Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
 Json = Annotated[Path | None, Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
+#: File of a command that prints a scene.
+TextFile = Annotated[
+    Path | None, Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
+]
 Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
 #: Folder of policies; commands need not look at the value.
 Policies = Annotated[

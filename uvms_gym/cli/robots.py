@@ -8,20 +8,16 @@ from typer import Argument, Option
 
 import uvms_gym
 from uvms_gym.cli.common import console, fail, prepare, user_errors
-from uvms_gym.cli.options import Force, Json
+from uvms_gym.cli.options import Force, Json, TextFile, placement, vector
 from uvms_gym.cli.output import write_json, write_text
 from uvms_gym.robots import import_with_notes
-
-File = Annotated[
-    Path | None, Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
-]
 
 
 def _shapes(dimensions: str, text: str) -> Any:
     return Option(metavar=f"{dimensions}[@X,Y,Z[,ROLL,PITCH,YAW]]", help=f"{text}; may be repeated.")
 
 
-def template(out: File = None, force: Force = False) -> None:
+def template(out: TextFile = None, force: Force = False) -> None:
     """Print or write a scene with every key, units and defaults in comments."""
     write_text(uvms_gym.scene_template(), out, force)
 
@@ -53,7 +49,7 @@ def estimate(
         str, Option(metavar="V,W", help="Speeds of equal linear and quadratic damping, m/s and rad/s.")
     ] = "0.1,0.3",
     table: Annotated[str, Option(metavar="KEY", help="Table of the scene.")] = "vehicle.body",
-    out: File = None,
+    out: TextFile = None,
     force: Force = False,
     json_file: Json = None,
 ) -> None:
@@ -70,12 +66,12 @@ def estimate(
         common: dict[str, Any] = {"ends": "joined" if joined else "free"}
         for option, text in (("perforation", perforation), ("solidity", solidity)):
             if text is not None:
-                numbers = _numbers(f"--{option}", text)
+                numbers = vector(f"--{option}", text)
                 common[option] = numbers[0] if len(numbers) == 1 else numbers
         factors = {"displaced": displaced, "relative_density": relative_density}
         common |= {key: number for key, number in factors.items() if number is not None}
         shapes = [common | shape for shape in shapes]
-        given = {"density": density, "speed": _numbers("--speed", speed), "shapes": shapes}
+        given = {"density": density, "speed": vector("--speed", speed), "shapes": shapes}
     prepare(None, json_file)
     with user_errors():
         try:
@@ -103,7 +99,8 @@ def import_robot(
         str | None,
         Option(
             metavar="SCENE",
-            help="Scene whose vehicle takes the place of the file's. [default: bluerov2-heavy under an arm alone]",
+            help="Scene whose vehicle takes the place of the file's. [default: under an arm alone bluerov2-heavy, or "
+            "rexrov if the arm weighs more than a quarter of it]",
         ),
     ] = None,
     mount: Annotated[
@@ -131,11 +128,11 @@ def import_robot(
             help="Density, kg/m3, of a link or of all without mass; may be repeated. [default: none]",
         ),
     ] = None,
-    out: File = None,
+    out: TextFile = None,
     force: Force = False,
 ) -> None:
     """Make a scene of a robot's file: a vehicle with its arms, or an arm on the vehicle of a scene."""
-    pose = None if mount is None else _numbers("--mount", mount)
+    pose = None if mount is None else vector("--mount", mount)
     densities = [_density(text) for text in density or ()]
     chosen: dict[str, Any] = {"tip": tip, "lock": lock or (), "keep": keep or (), "density": densities}
     with user_errors():
@@ -150,14 +147,7 @@ def import_robot(
 
 def _density(text: str) -> tuple[str | None, float]:
     link, equals, number = text.rpartition("=")
-    return link if equals else None, _numbers("--density", number)[0]
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise fail(f'{option} "{text}" is no vector of numbers separated by commas') from None
+    return link if equals else None, vector("--density", number)[0]
 
 
 def _shape(kind: str, text: str) -> dict[str, Any]:
@@ -166,7 +156,7 @@ def _shape(kind: str, text: str) -> dict[str, Any]:
     dimensions, at, place = text.partition("@")
     given, _, last = dimensions.rpartition(",")
     axis = last.strip() if last.strip() in ("x", "y", "z") else None
-    numbers = _numbers(option, given if axis else dimensions)
+    numbers = vector(option, given if axis else dimensions)
     is_round = kind in ("cylinder", "capsule")
     minimum = 2 if is_round else 3
     if len(numbers) != minimum or (axis and not is_round):
@@ -174,8 +164,5 @@ def _shape(kind: str, text: str) -> dict[str, Any]:
     size: Any = {"radius": numbers[0], "length": numbers[1], "axis": axis or "x"} if is_round else numbers
     shape: dict[str, Any] = {kind: size}
     if at:
-        pose = _numbers(option, place)
-        if len(pose) not in (3, 6):
-            raise fail(f'{option} "{text}" needs 3 or 6 numbers after the @')
-        shape |= {"position": pose[:3], "rpy": pose[3:] or [0.0, 0.0, 0.0]}
+        shape |= placement(option, text, place)
     return shape
