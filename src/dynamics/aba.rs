@@ -61,6 +61,14 @@ impl<L: Lane> ArmLoads<L> {
         }
     }
 
+    /// Sets the loads on the joints in use to 0.
+    #[inline(always)]
+    pub fn clear(&mut self, joints: usize) {
+        for i in 0..joints.min(JOINTS) {
+            (self.torque[i], self.target[i], self.links[i]) = (L::zero(), [L::zero(); 4], Vector6::zero());
+        }
+    }
+
     /// Target of joint `i` and its rate at `time`.
     #[inline(always)]
     pub fn target(&self, i: usize, time: L) -> Option<(L, L)> {
@@ -159,7 +167,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         return;
     }
-    let Scratch { links, branches } = scratch;
+    let Scratch { links, branches, .. } = scratch;
     let links = &mut links[..joints.len()];
 
     if system.tree {

@@ -76,6 +76,7 @@ pub struct AdjointScratch<L> {
     of_twist: [Vector6<L>; JOINTS],
     of_acceleration: [Vector6<L>; JOINTS],
     of_gravity: [Vector3<L>; JOINTS],
+    on_vehicle: BodyCotangents<L>,
 }
 
 impl<L: Lane> AdjointScratch<L> {
@@ -91,6 +92,7 @@ impl<L: Lane> AdjointScratch<L> {
             of_twist: six,
             of_acceleration: six,
             of_gravity: [Vector3::zero(); JOINTS],
+            on_vehicle: BodyCotangents::zero(),
         }
     }
 }
@@ -159,7 +161,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let (h, zero) = (step.h, L::zero());
     let joints = system.chain();
     let n = joints.len();
-    let Scratch { links, branches } = &mut memory.scratch;
+    let Scratch { links, branches, .. } = &mut memory.scratch;
     let links = &mut links[..n];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, accelerations.twist);
@@ -180,6 +182,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     if system.tree {
         cold_path();
         branches.clear(joints);
+        memory.on_vehicle = BodyCotangents::zero();
     }
     // M lambda = cotangents: contributions of the outer links to I_A and to the bias.
     let (mut I_children, mut P_children) = (SpatialInertia::zero(), Vector6::zero());
@@ -251,9 +254,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         }
     }
 
-    let none = Vector6::zero();
-    let zeros = BodyCotangents { force: none, of_twist: none, of_acceleration: none, of_gravity: Vector3::zero() };
-    let (mut sums, mut on_vehicle) = (zeros, zeros);
+    let mut sums = BodyCotangents::zero();
     for i in (0..n).rev() {
         let (joint, link) = (&joints[i], &links[i]);
         let force = memory.force[i] + sums.force;
@@ -315,19 +316,19 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
                 memory.of_acceleration[k] = memory.of_acceleration[k] + sums.of_acceleration;
                 memory.of_gravity[k] = memory.of_gravity[k] + sums.of_gravity;
             } else {
-                on_vehicle = on_vehicle.plus(&sums);
+                memory.on_vehicle = memory.on_vehicle.plus(&sums);
             }
-            sums = zeros;
+            sums = BodyCotangents::zero();
         } else if i == 0 && system.tree {
             cold_path();
-            sums = sums.plus(&on_vehicle);
+            sums = sums.plus(&memory.on_vehicle);
         }
     }
 
     if system.fixed {
         of_instant.twist = -sums.of_twist;
         of_instant.gravity = -sums.of_gravity;
-        of_instant.wrench = none;
+        of_instant.wrench = Vector6::zero();
         of_instant.fixed_rate = cotangents.twist.linear - sums.of_acceleration.linear;
         return;
     }

@@ -23,7 +23,7 @@ pub(super) struct AdjointMotion<L> {
 }
 
 /// Force that moves a body, and the derivatives of its product with the dual twist.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct BodyCotangents<L> {
     pub force: Vector6<L>,
     pub of_twist: Vector6<L>,
@@ -32,6 +32,13 @@ pub(super) struct BodyCotangents<L> {
 }
 
 impl<L: Lane> BodyCotangents<L> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let six = Vector6::zero();
+        Self { force: six, of_twist: six, of_acceleration: six, of_gravity: Vector3::zero() }
+    }
+
     /// Sum with those of another body in the same frame.
     #[inline(always)]
     pub fn plus(&self, other: &Self) -> Self {

@@ -65,8 +65,8 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ExplicitAdjoint<L, N> {
         let Explicit { tableau, .. } = *method;
         let (n, count) = (derivative.joints(), tableau.stages.min(STAGES));
         let Self { stages, theta, twist, q, qd, of_rates, of_pose, of_stage, part, of_start } = self;
-        let (takes, kept) = part.pop(tape, &mut stages.rates[..count], of, n);
-        let SubInterval { from, h, elapsed, .. } = &*part;
+        let takes = part.pop(tape, &mut stages.rates[..count], of, n);
+        let SubInterval { from, h, elapsed, of_end: of_last, .. } = &*part;
         let h = *h;
         for i in 0..count {
             let point =
@@ -83,18 +83,18 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ExplicitAdjoint<L, N> {
             end = stages.pose[i].scale_add(h * L::c(tableau.b[i]), end);
         }
 
-        (of_start.position, of_start.turn, of_start.twist) = (Vector3::zero(), Vector3::zero(), of.twist);
-        let of_end = PoseCotangents { position: Some(of.position), turn: of.turn };
+        (of_start.position, of_start.turn, of_start.twist) = (Vector3::zero(), Vector3::zero(), of_last.twist);
+        let of_end = PoseCotangents { position: Some(of_last.position), turn: of_last.turn };
         let of_end = of_end.pull_back(end, &from.pose, of_start);
         for k in 0..n {
-            (of_start.q[k], of_start.qd[k]) = (of.q[k], of.q[k].mul_add(h, of.qd[k]));
+            (of_start.q[k], of_start.qd[k]) = (of_last.q[k], of_last.q[k].mul_add(h, of_last.qd[k]));
         }
         for i in 0..count {
             let (speed, place) = (h * L::c(tableau.b[i]), h * h * L::c(tableau.place_end[i]));
             of_pose[i] = of_end.scale(speed);
-            of_rates[i].twist = of.twist.scale(speed);
+            of_rates[i].twist = of_last.twist.scale(speed);
             for k in 0..n {
-                of_rates[i].qd[k] = of.qd[k].mul_add(speed, of.q[k] * place);
+                of_rates[i].qd[k] = of_last.qd[k].mul_add(speed, of_last.q[k] * place);
             }
         }
         for i in (0..count).rev() {
@@ -140,7 +140,6 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ExplicitAdjoint<L, N> {
                 }
             }
         }
-        *of = kept;
         of.set_where(takes, of_start, n);
     }
 }

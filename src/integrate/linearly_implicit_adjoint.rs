@@ -64,8 +64,8 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
         let weights = extrapolation_weights(method.order);
         let divisions = weights.len().min(3);
         let first = |parts: usize| parts * (parts - 1) / 2;
-        let (takes, kept) = part.pop(tape, &mut rates[..first(divisions + 1)], of, n);
-        let SubInterval { from, h, elapsed, .. } = &*part;
+        let takes = part.pop(tape, &mut rates[..first(divisions + 1)], of, n);
+        let SubInterval { from, h, elapsed, of_end: of_last, .. } = &*part;
 
         // Theta of the end: the ends of all divisions.
         let mut theta = Vector6::zero();
@@ -77,12 +77,12 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
             }
             theta = points[0].theta.scale_add(L::c(weights[parts - 1]), theta);
         }
-        *of_start = MotionCotangents::zero();
-        let of_pose = PoseCotangents { position: Some(of.position), turn: of.turn };
+        of_start.clear(n);
+        let of_pose = PoseCotangents { position: Some(of_last.position), turn: of_last.turn };
         of_end.theta = of_pose.pull_back(theta, &from.pose, of_start);
-        of_end.twist = of.twist;
+        of_end.twist = of_last.twist;
         for k in 0..n {
-            (of_end.q[k], of_end.qd[k]) = (of.q[k], of.qd[k]);
+            (of_end.q[k], of_end.qd[k]) = (of_last.q[k], of_last.qd[k]);
         }
         for parts in 1..=divisions {
             let (size, weight) = (*h * L::c(1.0 / parts as f64), L::c(weights[parts - 1]));
@@ -121,7 +121,6 @@ impl<L: Lane, const N: usize> MethodAdjoint<L, N> for ImplicitAdjoint<L, N> {
                 of_start.qd[k] += of_point.qd[k];
             }
         }
-        *of = kept;
         of.set_where(takes, of_start, n);
     }
 }

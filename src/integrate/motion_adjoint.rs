@@ -27,6 +27,15 @@ impl<L: Lane, const N: usize> MotionCotangents<L, N> {
         Self { position: three, turn: three, twist: Vector6::zero(), q: zero, qd: zero }
     }
 
+    /// Sets those of the vehicle and of the joints in use to 0.
+    #[inline(always)]
+    pub fn clear(&mut self, joints: usize) {
+        (self.position, self.turn, self.twist) = (Vector3::zero(), Vector3::zero(), Vector6::zero());
+        for k in 0..joints.min(N) {
+            (self.q[k], self.qd[k]) = (L::zero(), L::zero());
+        }
+    }
+
     /// Sets these to others where the mask holds.
     #[inline(always)]
     pub(super) fn set_where(&mut self, mask: L::Mask, other: &Self, n: usize) {

@@ -43,25 +43,28 @@ pub struct SubInterval<L, const N: usize> {
     pub elapsed: L,
     /// 1 in lanes that took it, else 0.
     pub taken: L,
+    /// Cotangents of its end; 0 in lanes that did not take it.
+    pub of_end: MotionCotangents<L, N>,
 }
 
 impl<L: Lane, const N: usize> SubInterval<L, N> {
     /// Memory to read one into.
     #[inline(always)]
     pub fn blank() -> Self {
-        Self { from: Motion::blank(), h: L::zero(), elapsed: L::zero(), taken: L::zero() }
+        let (zero, of_end) = (L::zero(), MotionCotangents::zero());
+        Self { from: Motion::blank(), h: zero, elapsed: zero, taken: zero, of_end }
     }
 
-    /// Reads the last one of a record with its `rates` and removes both. In lanes that did not take it, rates and the cotangents `of`
-    /// its end become zero. Returns the lanes that took it, and the cotangents as they were.
+    /// Reads the last one of a record with its `rates` and removes both; `of` has the cotangents of its end. In lanes that did not
+    /// take it, rates and the cotangents here become zero. Returns the lanes that took it.
     #[inline(always)]
     pub(super) fn pop(
         &mut self,
         tape: &mut Tape<L::Real>,
         rates: &mut [Rates<L, N>],
-        of: &mut MotionCotangents<L, N>,
+        of: &MotionCotangents<L, N>,
         joints: usize,
-    ) -> (L::Mask, MotionCotangents<L, N>) {
+    ) -> L::Mask {
         let (from, mut last) = (&mut self.from, [L::zero(); 3]);
         tape.pop(&mut last, 3);
         [self.h, self.elapsed, self.taken] = last;
@@ -70,15 +73,15 @@ impl<L: Lane, const N: usize> SubInterval<L, N> {
         pop_twist(tape, &mut from.twist);
         tape.pop(&mut from.pose.position.0, 3);
         tape.pop(from.pose.rotation.0.as_flattened_mut(), 9);
-        let (takes, kept) = (L::c(0.5).lt(self.taken), *of);
+        let takes = L::c(0.5).lt(self.taken);
         for i in (0..rates.len()).rev() {
             rates[i].pop(tape, joints);
             rates[i].keep_where(takes, joints);
         }
         self.h = L::select(takes, self.h, L::zero());
-        *of = MotionCotangents::zero();
-        of.set_where(takes, &kept, joints);
-        (takes, kept)
+        self.of_end.clear(joints);
+        self.of_end.set_where(takes, of, joints);
+        takes
     }
 }
 

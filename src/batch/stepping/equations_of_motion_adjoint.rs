@@ -53,6 +53,17 @@ impl<L: Lane> InputCotangents<L> {
             factors: Factors::from_array([L::zero(); 8]),
         }
     }
+
+    /// Sets all to 0; of the loads those of the joints in use.
+    #[inline(always)]
+    pub fn clear(&mut self, joints: usize) {
+        let (three, six) = (Vector3::zero(), Vector6::zero());
+        (self.wrench, self.course, self.thrusts) = (six, [six; 3], ThrustCotangents::zero());
+        self.loads.clear(joints);
+        self.surfaces = FinAxes::blank();
+        self.station = PlaceCotangents { position: three, turn: three };
+        self.factors = Factors::from_array([L::zero(); 8]);
+    }
 }
 
 impl<L: Lane> StationServo<L> {

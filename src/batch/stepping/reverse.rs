@@ -8,9 +8,7 @@ use super::step::Step;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
 use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustProfiles, ThrusterCotangents, ThrusterDynamics};
-use crate::integrate::{
-    ExplicitAdjoint, ImplicitAdjoint, Integrator, MethodAdjoint, Motion, MotionCotangents, StepRecord,
-};
+use crate::integrate::{ExplicitAdjoint, ImplicitAdjoint, Integrator, MethodAdjoint, MotionCotangents, StepRecord};
 use crate::lane::{Lane, Real, Routine, Rows, Tape};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::limits::interrupt;
@@ -135,9 +133,7 @@ impl<T: Real> Step<'_, T> {
         let n = system.chain().len();
         let h = L::splat(self.h);
         // State after the steps, and loads.
-        let mut ends = Motion::blank();
-        columns.place::<_, false>(layout, &mut ends);
-        let mut rotation = ends.pose.rotation;
+        let mut rotation = columns.matrix(layout.rotation);
         let ReverseMemory {
             record,
             explicit,
@@ -168,9 +164,9 @@ impl<T: Real> Step<'_, T> {
             columns.surfaces(layout, &system.terms.fins, surfaces);
         }
         // Cotangents of the state after the steps; all others begin at zero.
-        *of = InputCotangents::zero();
+        of.clear(n);
         *of_thrusters = ThrusterCotangents::zero();
-        *of_motion = MotionCotangents::zero();
+        of_motion.clear(n);
         of_motion.position = of_columns.vector(layout.position);
         of_motion.turn = of_columns.vector(layout.rotation);
         of_motion.twist = of_columns.six(layout.twist);
@@ -238,17 +234,16 @@ impl<T: Real> Step<'_, T> {
                     Integrator::Explicit(method) => {
                         let adjoint = &mut *explicit;
                         L::call(&mut ReverseSubInterval { method, tape, adjoint, equations, of_motion });
-                        ends = *adjoint.start();
+                        rotation = adjoint.start().pose.rotation;
                     }
                     Integrator::LinearlyImplicit(method) => {
                         let adjoint = &mut *implicit;
                         L::call(&mut ReverseSubInterval { method, tape, adjoint, equations, of_motion });
-                        ends = *adjoint.start();
+                        rotation = adjoint.start().pose.rotation;
                     }
                 }
             }
             // The start of the step: thrusters, water and prescribed joints.
-            rotation = ends.pose.rotation;
             if !thrusters.is_empty() {
                 propulsion.step_adjoint(thrusters, &thrusts, of.course, &of.thrusts, of_thrusters);
             }
