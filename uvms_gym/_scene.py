@@ -25,6 +25,13 @@ def joints(scene: dict[str, Any]) -> list[dict[str, Any]]:
     return mount + [link["joint"] for link in arm.get("links", []) if link["joint"]["kind"] != "fixed"]
 
 
+def surroundings(scene: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Spheres on the robot, shapes and fixtures of a scene by these names; empty lists where it has none."""
+    contact = scene.get("contact") or {}
+    lists = {"spheres": contact.get("spheres"), "shapes": contact.get("shapes"), "fixtures": scene.get("fixtures")}
+    return {key: tables or [] for key, tables in lists.items()}
+
+
 def matrix_of(values: ArrayLike) -> Floats:
     """Matrix (n, n) that a scene gives in full or by its diagonal (n,)."""
     given = np.asarray(values, dtype=np.float64)

@@ -42,13 +42,13 @@ impl Attachment {
         self.mount.is_some()
     }
 
-    /// Name of a body of the arm in the scene.
+    /// Name in the scene of a body or sphere of the arm.
     pub fn body(&self, name: &str) -> String {
         format!("{}-{name}", self.name)
     }
 
     /// Name in the scene of a body of the arm, or of the body that carries it.
-    fn carrier(&self, arm: &Arm, body: Parent) -> Result<String, Fault> {
+    pub fn carrier(&self, arm: &Arm, body: Parent) -> Result<String, Fault> {
         match body {
             Parent::Link(i) => Ok(self.body(&arm.links[i].name)),
             // Without a mount the frames of vehicle and base are the same.

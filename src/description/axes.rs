@@ -46,6 +46,8 @@ impl NedTables {
         ned.read(tree, "arm.base", None, false)?;
         ned.read(tree, "arm.links", Some("body"), false)?;
         ned.read(tree, "payload.body", None, false)?;
+        ned.read(tree, "contact.spheres", None, false)?;
+        ned.read(tree, "fixtures", Some("body"), false)?;
         Ok(ned)
     }
 
@@ -99,6 +101,10 @@ impl NedTables {
             bodies.for_each(|(i, of_link)| body("arm.links", i, of_link));
         }
         scene.payload.iter_mut().for_each(|payload| body("payload.body", 0, &mut payload.body));
+        let bodies = scene.fixtures.iter_mut().enumerate().filter_map(|(i, fixture)| Some((i, fixture.body.as_mut()?)));
+        bodies.for_each(|(i, of_fixture)| body("fixtures", i, of_fixture));
+        let spheres = scene.contact.iter_mut().flat_map(|contact| contact.spheres.iter_mut().enumerate());
+        spheres.filter(|(i, _)| self.has("contact.spheres", *i)).for_each(|(_, sphere)| flip(&mut sphere.position));
     }
 }
 

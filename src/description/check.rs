@@ -203,12 +203,12 @@ impl Scene {
 
     /// A fault for a name that is no body of the robot.
     pub(super) fn check_robot_body(&self, name: &str, key: &str) -> Result<(), Fault> {
-        let Some(arm) = &self.arm else {
-            let known = name == super::VEHICLE;
-            return if known { Ok(()) } else { Err(none_of(name, "bodies", [super::VEHICLE].into_iter(), key)) };
-        };
-        let count = arm.links.len();
-        if arm.body(name, count).is_some() { Ok(()) } else { Err(no_body(arm, count, name, key.to_owned())) }
+        let links = self.arm.iter().flat_map(|arm| arm.links.iter().map(|link| link.name.as_str()));
+        let names = std::iter::once(super::VEHICLE).chain(self.arm.iter().map(|_| super::BASE)).chain(links);
+        if names.clone().any(|body| body == name) {
+            return Ok(());
+        }
+        Err(none_of(name, "bodies of the robot", names, key))
     }
 
     fn validate_arm(&self) -> Result<(), Fault> {

@@ -10,6 +10,7 @@ use toml::{Table, Value};
 use super::attach::{Attachment, attach, has_bodies};
 use super::part::Parts;
 use super::part_sources::PartSources;
+use super::part_spheres::PartSpheres;
 use super::read::deserialize;
 use super::{Arm, VEHICLE, path};
 use crate::error::{DescriptionError, Problem};
@@ -30,7 +31,7 @@ pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Part
     let in_source = |fault: Fault| fault.in_source(source_name, &tree);
     let Value::Table(mut scene) = tree.clone() else { return Ok(tree) };
     let mut sources = PartSources::default();
-    let mut integrations = Vec::new();
+    let (mut integrations, mut spheres) = (Vec::new(), PartSpheres::default());
 
     for key in [VEHICLE, "arm"] {
         let Some(Value::Table(own)) = scene.get_mut(key) else { continue };
@@ -43,6 +44,7 @@ pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Part
         override_values(&mut table, std::mem::take(own).into(), key, &mut replaced).map_err(in_source)?;
         scene.insert(key.to_owned(), table);
         sources.add(&part.scene.provenance, key, replaced);
+        spheres.add(&part, key == VEHICLE, &mut sources);
         if let (VEHICLE, Some(mut water)) = (key, part.table("water")) {
             let own = scene.remove("water").unwrap_or_else(|| Table::new().into());
             let mut replaced = Vec::new();
@@ -71,6 +73,7 @@ pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Part
             let arm: Arm = deserialize(&table).map_err(|fault| in_source(fault.below(&key)))?;
             let is_first = !scene.get("arm").and_then(Value::as_table).is_some_and(has_bodies);
             attach(&mut scene, &arm, &attachment).map_err(in_source)?;
+            spheres.add_attached(&part, &arm, &attachment, &mut sources).map_err(in_source)?;
             replaced.extend(attachment.states_mount().then(|| path::join(&key, "mount")));
             names.push(format!("{} ({})", arm.name, attachment.name));
             sources.add_arm(&part.scene.provenance, attachment.name, arm, is_first, replaced);
@@ -84,6 +87,9 @@ pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Part
             }
         }
     }
+    let mut replaced = Vec::new();
+    spheres.write(&mut scene, &mut replaced).map_err(in_source)?;
+    sources.add_replaced(replaced);
     // The part that needs the smallest step decides where the scene does not.
     let step = |table: &Value| table.get("step").and_then(Value::as_float).unwrap_or(f64::INFINITY);
     if let Some(integration) = integrations.into_iter().min_by(|one, other| step(one).total_cmp(&step(other))) {
@@ -95,7 +101,7 @@ pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Part
 
 /// Puts the values of `own`, of this key, in place of those of a part, table by table; the values of a table in place of a list
 /// belong to the list's elements of these names. Adds the keys of the numbers that it replaces.
-fn override_values(part: &mut Value, own: Value, key: &str, replaced: &mut Vec<String>) -> Result<(), Fault> {
+pub fn override_values(part: &mut Value, own: Value, key: &str, replaced: &mut Vec<String>) -> Result<(), Fault> {
     match (part, own) {
         (Value::Table(part), Value::Table(own)) => own.into_iter().try_for_each(|(name, value)| {
             let key = path::join(key, &name);

@@ -127,17 +127,18 @@ impl Scene {
         let fixtures: Vec<&str> = self.fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
         for (i, sphere) in spheres.iter().enumerate() {
             let key = format!("contact.spheres[{i}]");
-            if fixtures.contains(&sphere.on.as_str()) {
-                let reason = "is a fixture: spheres are on the robot, shapes in the world and on fixtures";
-                return Err(Fault::new(format!("{key}.on"), Problem::Invalid { reason }));
-            }
             self.check_robot_body(&sphere.on, &format!("{key}.on"))?;
             range(sphere.radius > 0.0, sphere.radius, "> 0", || format!("{key}.radius"))?;
         }
         for (i, shape) in shapes.iter().enumerate() {
             let key = format!("contact.shapes[{i}]");
             if shape.on != WORLD && !fixtures.contains(&shape.on.as_str()) {
-                return Err(none_of(&shape.on, "fixtures", [WORLD].into_iter().chain(fixtures), format!("{key}.on")));
+                return Err(none_of(
+                    &shape.on,
+                    "bodies that carry shapes",
+                    [WORLD].into_iter().chain(fixtures),
+                    format!("{key}.on"),
+                ));
             }
             shape.check_dimensions(&key)?;
             contact.law(shape).check(&key)?;

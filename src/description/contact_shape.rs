@@ -146,6 +146,24 @@ impl From<ContactShape> for ShapeTable {
     }
 }
 
+impl ContactGeometry {
+    /// Distance of a point, in the shape's frame, from the surface, m; negative inside.
+    pub fn distance(&self, point: &Vector3<f64>) -> f64 {
+        // Of a point that lies beyond these distances from the faces at right angles to each other.
+        let beyond = |q: Vector3<f64>| q.sup(&Vector3::zeros()).norm() + q.max().min(0.0);
+        let (across, along) = (point.x.hypot(point.y), point.z);
+        match *self {
+            Self::Plane => along,
+            Self::Box { size } => beyond(point.abs() - size / 2.0),
+            Self::Cylinder { radius, length } => {
+                let [side, end] = [across - radius, along.abs() - length / 2.0];
+                beyond(Vector3::new(side, end, f64::NEG_INFINITY))
+            }
+            Self::Torus { radius, tube } => (across - radius).hypot(along) - tube,
+        }
+    }
+}
+
 impl ContactShape {
     /// Checks kind and dimensions; `key` is the path of the shape.
     pub(super) fn check_dimensions(&self, key: &str) -> Result<(), Fault> {

@@ -50,6 +50,14 @@ impl Body {
 }
 
 impl Scene {
+    /// The scene without arm, payload and the spheres on them.
+    pub fn bare_vehicle(&self) -> Self {
+        let mut scene = Self { arm: None, payload: None, ..self.clone() };
+        scene.contact.iter_mut().for_each(|contact| contact.spheres.retain(|sphere| sphere.on == VEHICLE));
+        scene.provenance.prune(&scene.to_tree());
+        scene
+    }
+
     /// Joints in the order of every joint array: q0 of joint loading first.
     pub fn joints(&self) -> impl Iterator<Item = &Joint> {
         self.arm.iter().flat_map(|arm| {

@@ -38,8 +38,9 @@ impl Scene {
 
     /// The scene without contact and fixtures: the part that controllers, planners and estimators model.
     pub fn robot(&self) -> Self {
-        let provenance = self.provenance.without(&["contact", "fixtures"]);
-        Self { contact: None, fixtures: Vec::new(), provenance, ..self.clone() }
+        let mut robot = Self { contact: None, fixtures: Vec::new(), ..self.clone() };
+        robot.provenance.prune(&robot.to_tree());
+        robot
     }
 
     /// Checks names, joints and inertia of the fixtures.

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use toml::{Table, Value};
 
-use super::{Scene, compose, parse_toml, path, read_file, shipped};
+use super::{Scene, Sphere, VEHICLE, compose, parse_toml, path, read_file, shipped};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::Fault;
 
@@ -27,6 +27,13 @@ impl Part {
     /// Its table `vehicle`, `arm`, `water` or `integration`.
     pub fn table(&self, key: &str) -> Option<Value> {
         self.tables.get(key).cloned()
+    }
+
+    /// Spheres on its vehicle, or on its arm. A part without vehicle has an arm alone.
+    pub fn spheres(&self, of_vehicle: bool) -> impl Iterator<Item = &Sphere> {
+        let spheres = self.scene.contact.iter().flat_map(|contact| &contact.spheres);
+        let has_vehicle = self.tables.contains_key(VEHICLE);
+        spheres.filter(move |sphere| (sphere.on == VEHICLE && has_vehicle) == of_vehicle)
     }
 
     /// The fault of a part without this table.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use toml::{Table, Value};
 
 use super::path::{self, Step};
-use super::{Arm, BASE, Provenance};
+use super::{Arm, BASE, Provenance, Scene};
 
 /// Provenance of numbers of a scene that come from parts, by the keys of the scene.
 #[derive(Default)]
@@ -95,6 +95,22 @@ impl PartSources {
             self.replaced.extend(arm.keys(&path::parse(&key)[2..]));
         }
         self.arms.push(arm);
+    }
+
+    /// Adds the provenance of a sphere of a part, by its name in the scene.
+    pub fn add_sphere(&mut self, part: &Scene, name: &str, in_scene: &str) {
+        let root = part.to_tree();
+        for field in ["position", "radius"] {
+            let found = path::resolve(&root, &format!("contact.spheres[{name}].{field}"));
+            let text = found.and_then(|(steps, _)| part.provenance.text(&root, &steps));
+            let key = format!("contact.spheres[{in_scene}].{field}");
+            self.entries.extend(text.map(|text| (key, text.to_owned())));
+        }
+    }
+
+    /// Adds keys whose numbers the scene replaces.
+    pub fn add_replaced(&mut self, keys: Vec<String>) {
+        self.replaced.extend(keys);
     }
 
     /// Names of the attached arms.

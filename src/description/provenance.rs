@@ -54,11 +54,9 @@ impl Provenance {
         matching.max_by_key(|(coverage, _)| *coverage).map(|(_, text)| text.as_str())
     }
 
-    /// The provenance of all but these tables of the scene.
-    pub fn without(&self, tables: &[&str]) -> Self {
-        let stays =
-            |key: &str| !matches!(path::parse(key).first(), Some(Step::Key(table)) if tables.contains(&table.as_str()));
-        Self(self.0.iter().filter(|(key, _)| stays(key)).map(|(key, text)| (key.clone(), text.clone())).collect())
+    /// Removes entries whose keys match nothing.
+    pub(super) fn prune(&mut self, root: &Value) {
+        self.0.retain(|key, _| path::matches_anything(&path::parse(key), root));
     }
 
     /// Refuses texts of unknown origin and keys that match nothing.

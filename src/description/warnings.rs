@@ -86,6 +86,7 @@ impl Scene {
         self.lint_angles(&mut warnings);
         self.lint_thrusters(&mut warnings);
         self.vehicle.lint_terms(&mut warnings);
+        self.lint_contact(&mut warnings);
         warnings
     }
 
@@ -102,7 +103,8 @@ impl Scene {
         for (key, angle) in path::numbers(&tree).into_iter().filter(|(key, _)| key.contains(".rpy[")) {
             doubt(key, angle, frame);
         }
-        for (joint, key) in self.joints().zip(self.joint_keys()).filter(|(joint, _)| joint.kind == JointKind::Revolute)
+        for (joint, key) in
+            self.coordinates().zip(self.coordinate_keys()).filter(|(joint, _)| joint.kind == JointKind::Revolute)
         {
             doubt(format!("{key}.home"), joint.home, limit);
             if let Some(JointLimits { lower, upper, .. }) = &joint.limits {

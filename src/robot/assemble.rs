@@ -204,13 +204,12 @@ impl Assembly<'_> {
     fn mounted(&self, moving: &Moving, notes: &mut Vec<String>) -> Result<Scene> {
         let robot = moving.tree.robot;
         let shipped = Scene::shipped(moving.default)?;
-        let mut scene = Scene { arm: None, payload: None, ..self.vehicle.unwrap_or(&shipped).clone() };
+        let mut scene = self.vehicle.unwrap_or(&shipped).bare_vehicle();
         let (Vehicle { name: vehicle, .. }, file) = (&scene.vehicle, robot.file_name());
         scene.summary = format!(
             "{vehicle} with the arm of {file}. What water does to the arm, its servos and its end stops are ESTIMATES."
         );
         scene.name = if robot.name.is_empty() { "imported".to_owned() } else { robot.name.clone() };
-        scene.provenance = scene.provenance.without(&["arm", "payload"]);
         let mut origins = vec![
             (String::new(), format!("cited: {file}")),
             (".mount.frame".to_owned(), "assumed: as chosen on import".to_owned()),

@@ -179,6 +179,20 @@ def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -
     assert "typer" in line
 
 
+def test_scenes_shows_contact_and_fixtures(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text(uvms_gym.scene_template().replace("#fixtures", "fixtures", 1).replace("#stiffness", "stiffness", 1))
+    assert main(["scenes", "show", str(path)]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for row in (
+        "skid vehicle 0.2 0 -0.15 0.02",
+        "seabed world plane 2000 2 0.0005 0.4 0.001",
+        "rim world torus 5000 2 0.0005 0.4 0.001",
+        "valve revolute 0 unlimited",
+    ):
+        assert row.split() in rows
+
+
 def test_scenes_lists_shows_and_checks(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["scenes", "list"]) == 0
     assert "petasus-pum" in capsys.readouterr().out

@@ -39,6 +39,9 @@ def complete() -> dict[str, Any]:
     scene["arm"]["base"] = links[0]["body"] | {"mass": 0.4}
     links.append({"name": "camera", "parent": "vehicle", "joint": {"kind": "fixed"}})
     scene["payload"] = {"body": links[1]["body"] | {"mass": 0.3}}
+    shape = {"name": "seabed", "kind": "plane", "frame": {"position": [0.0, 0.0, -50.0]}}
+    sphere = {"name": "skid", "on": "vehicle", "position": [0.0, 0.0, -0.2], "radius": 0.02}
+    scene["contact"] = {"spheres": [sphere], "shapes": [shape]}
     scene["provenance"] = {}
     for body in bodies(scene):
         matrix = np.diag(body["added_mass"]) if np.ndim(body["added_mass"]) == 1 else np.array(body["added_mass"])

@@ -200,6 +200,8 @@ LEFT_OUT = {
     "dead_band": "dead band: surge-left",
     "ambient_flow": "loss of thrust by inflow: surge-left",
     "limits": "stiffness and damping of end stops",
+    "contact": "spheres: skid\n    - shapes: seabed, panel, pile, rim",
+    "fixtures": "fixtures: valve",
     "coulomb_speed": "smooth Coulomb friction",
     "actuator": "maximum torque of a linear actuator",
 }
@@ -241,6 +243,8 @@ def full_scene() -> dict[str, Any]:
     scene["water"]["current"] = [0.1, 0.0, 0.0]
     options = {"lag": 0.1, "dead_band": 0.5, "ambient_flow": 0.3, "deduction": 0.1}
     scene["vehicle"]["thrusters"][0] |= options | {"induced": [0.0, 0.1, 0.0, 0.01, 0.0, 0.0]}
+    joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "rotor_inertia": 0.01}
+    scene["fixtures"] = [{"name": "valve", "joint": joint}]
     return uvms_gym.load_scene(scene)
 
 
@@ -250,7 +254,8 @@ def test_every_number_of_a_scene_is_an_element_or_left_out_by_name(export: Calla
     text, _ = export(scene)
     comments, _, _ = text.partition("-->")
     phrases, silent = LEFT_OUT | LEFT_OUT_OF[export], []
-    for path, value in numbers({key: scene[key] for key in ("water", "vehicle", "arm", "payload")}):
+    tables = ("water", "vehicle", "arm", "payload", "contact", "fixtures")
+    for path, value in numbers({key: scene[key] for key in tables}):
         key = next((key for key in reversed(path) if key in phrases), None)
         changed, _ = export(edited(scene, path, value * 1.37 + 0.0123))
         # Lengths of axes have no meaning.

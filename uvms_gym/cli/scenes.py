@@ -9,7 +9,7 @@ import typer
 from typer import Option
 
 import uvms_gym
-from uvms_gym._scene import bodies, buoyancy_of
+from uvms_gym._scene import bodies, buoyancy_of, surroundings
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.environments import Integrator, Step, stating_integration
 from uvms_gym.cli.options import Json, SceneArgument, ranged
@@ -73,11 +73,39 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
             for name, (low, high) in zip(simulator.thruster_names, simulator.thruster_limits, strict=True)
         ]
         table("Thrusters", ("thruster", "minimum N", "maximum N"), rows)
+    _show_contact(loaded)
     _show_rates(simulator, None)
     provenance = loaded.get("provenance", {})
     table("Provenance", ("key", "source"), sorted(provenance.items()), text_columns=2)
     if json_file is not None:
         write_json(json_file, loaded)
+
+
+def _show_contact(scene: dict[str, Any]) -> None:
+    """Print spheres, shapes and fixtures of a scene."""
+    found = surroundings(scene)
+    rows: list[tuple[str, ...]] = []
+    for sphere in found["spheres"]:
+        place = (*sphere["position"], sphere["radius"])
+        rows.append((sphere["name"], sphere["on"], *(f"{x:.4g}" for x in place)))
+    if rows:
+        places = ("x m", "y m", "z m", "radius m")
+        table("Spheres of contact, in the frames of their bodies", ("sphere", "on", *places), rows, text_columns=2)
+    rows = []
+    for shape in found["shapes"]:
+        law = ("stiffness", "dissipation", "ramp", "friction", "slip_speed")
+        numbers = [shape.get(key, scene["contact"][key]) for key in law]
+        rows.append((shape["name"], shape["on"], shape["kind"], *(f"{x:.4g}" for x in numbers)))
+    if rows:
+        units = ("N/m", "s/m", "ramp m", "friction", "slip m/s")
+        table("Shapes of contact and the numbers of their law", ("shape", "on", "kind", *units), rows, text_columns=3)
+    rows = []
+    for fixture in found["fixtures"]:
+        joint, limits = fixture["joint"], fixture["joint"].get("limits")
+        reach = f"{limits['lower']:.4g} to {limits['upper']:.4g}" if limits else "unlimited"
+        rows.append((fixture["name"], joint["kind"], f"{joint['home']:.4g}", reach))
+    if rows:
+        table("Fixtures, rad or m", ("fixture", "joint", "at the start", "range"), rows, text_columns=2)
 
 
 def check(
@@ -119,6 +147,8 @@ def check(
     console.print()
     balance = _balance(simulator)
     rows = [(name, f"{value:.6g}") for name, value in balance.items()]
+    named = ((key, ", ".join(each["name"] for each in tables)) for key, tables in surroundings(loaded).items())
+    rows += [row for row in named if row[1]]
     used, wanted = f"{simulator.integrator}, {simulator.dt:g} s", f"{advice['integrator']}, {advice['step']:g} s"
     table("Summary", ("", ""), [*rows, ("integration", used), ("recommended integration", wanted)])
     say(f"Recommended integration: {advice['reason']}.")

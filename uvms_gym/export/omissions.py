@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from uvms_gym._scene import bodies
+from uvms_gym._scene import bodies, surroundings
 from uvms_gym.export.tree import Link
 
 #: Effects of a thruster without an element in any of the formats, by key.
@@ -44,6 +44,7 @@ def water_and_vehicle(scene: dict[str, Any]) -> list[str]:
         lines.append(f"fins: {_names(fins)}")
     if vehicle.get("tether"):
         lines.append("tether")
+    lines += [f"{key}: {_names(tables)}" for key, tables in surroundings(scene).items() if tables]
     if vehicle.get("servo"):
         lines.append("gains of the vehicle's servo")
     for key, text in _THRUSTER.items():

@@ -103,7 +103,7 @@ fn the_template_passes_its_own_check() {
     assert!(scene.numbers().iter().all(|(_, _, origin)| origin.is_some()));
 }
 
-/// Paths of all tables of the template, the first element standing for a list.
+/// Paths of all tables of the template.
 fn tables(node: &Value, path: Vec<String>, out: &mut Vec<Vec<String>>) {
     match node {
         Value::Table(table) => {
@@ -112,14 +112,18 @@ fn tables(node: &Value, path: Vec<String>, out: &mut Vec<Vec<String>>) {
             }
             out.push(path);
         }
-        Value::Array(list) if list[0].is_table() => tables(&list[0], [path, vec!["0".to_owned()]].concat(), out),
+        Value::Array(list) if list[0].is_table() => {
+            for (i, element) in list.iter().enumerate() {
+                tables(element, [path.clone(), vec![i.to_string()]].concat(), out);
+            }
+        }
         _ => {}
     }
 }
 
 fn at<'a>(root: &'a mut Value, path: &[String]) -> &'a mut Value {
     path.iter().fold(root, |node, step| match node {
-        Value::Array(list) => &mut list[0],
+        Value::Array(list) => &mut list[step.parse::<usize>().unwrap()],
         table => table.get_mut(step).unwrap(),
     })
 }
@@ -137,7 +141,7 @@ fn known(root: &Value, path: &[String]) -> Vec<String> {
 /// What a table is: its key, or that of its list; an arm's base is a body.
 fn kind(path: &[String]) -> &str {
     match path {
-        [.., list, element] if element == "0" => list,
+        [.., list, element] if element.parse::<usize>().is_ok() => list,
         [.., last] if last == "base" => "body",
         [.., last] => last,
         [] => "",

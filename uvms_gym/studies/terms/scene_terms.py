@@ -58,6 +58,8 @@ def terms_of(scene: Table) -> list[Term]:
             terms.append(term or _of_kind(scene, name, kind, pick))
     terms += [_current(scene), *(_of_kind(scene, kind.name, kind, joints) for kind in _JOINT_KINDS)]
     terms += [_arm_base(scene), _part(scene, "payload", lambda s: s, "its mass and its hydrodynamics")]
+    reached = "acts only where a sphere reaches a shape; a zero effect in this motion says nothing about others"
+    terms.append(_part(scene, "contact", lambda s: s, reached))
     for key, note in vehicle_terms():
         # Fins of a scene without water do nothing.
         dry = key == "fins" and scene["water"]["density"] == 0.0
