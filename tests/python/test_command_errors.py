@@ -57,7 +57,7 @@ REFUSED = [
     ("scenes estimate --cylinder 1,two", "--cylinder"),
     ("scenes estimate --cylinder 1,2@3", "3 or 6 numbers after the @"),
     ("scenes import nowhere.urdf", "nowhere.urdf"),
-    ("scenes import own.toml", "own.toml: is a TOML file: scenes are loaded by load_scene"),
+    ("scenes import own.toml", "own.toml: is a TOML file: a scene needs no import; URDF"),
     (f"scenes import {URDF} --mount 1,2", "mount must be 6 numbers"),
     (f"scenes import {URDF} --tip hand", 'no link "hand"'),
     ("scenes explain no-such-scene", "no-such-scene"),

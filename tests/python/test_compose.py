@@ -136,11 +136,14 @@ def test_the_command_composes(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--vehicle", "nemo"], '--vehicle: is "nemo": give a path'),
+        (["--vehicle", "nemo"], "--vehicle nemo: give a path"),
         (["--vehicle", "rexrov", "--arm", "pum"], '--arm "pum" must be NAME=PART[@'),
         (["--vehicle", "rexrov", "--arm", "a=pum@1,2"], '--arm "a=pum@1,2" needs 3 or 6 numbers after the @'),
-        (["--vehicle", "rexrov", "--arm", "a=pum@1,2,x"], '--arm "1,2,x" is no vector'),
-        (["--vehicle", "rexrov", "--arm", "a=rexrov"], '--arm a=rexrov: is "rexrov": it has no table [arm]'),
+        (
+            ["--vehicle", "rexrov", "--arm", "a=pum@1,2,x"],
+            '--arm a=pum@1,2,x: "1,2,x" must be numbers separated by commas',
+        ),
+        (["--vehicle", "rexrov", "--arm", "a=rexrov"], "--arm a=rexrov: it has no table [arm]"),
         (["--vehicle", "rexrov", "--arm", "a=pum:on=b"], '--arm a=pum:on=b: on: is "b", but must be one of'),
         (["--vehicle", "rexrov", "--arm", "a=pum", "--arm", "a=pum"], "--arm a=pum: name: the name 'a' is taken"),
     ],

@@ -59,8 +59,9 @@ def test_the_command_takes_what_the_file_cannot_say(tmp_path: Path, capsys: pyte
     options = ["--tip", "right=right_grasp", "--lock", "mast_pan", "--lock", "mast_tilt"]
     assert main(["scenes", "import", path, *options, "--out", str(out)]) == 0
     notes = capsys.readouterr().out.replace("\n", " ")
-    for part in ("hull: the hull of a vehicle", "mast_pan: locked at 0", "left_propeller_joint: taken for a propeller"):
-        assert part in notes
+    for part in ("hull: the hull of a vehicle", "mast_pan, mast_tilt: locked at 0, as chosen", "taken for a propeller"):
+        assert notes.count(part) == 1
+    assert "left_propeller_joint, right_propeller_joint: taken for a propeller" in notes
     scene = uvms_gym.load_scene(out)
     given: dict[str, Any] = {"tip": {"right": "right_grasp"}, "lock": ["mast_pan", "mast_tilt"]}
     assert scene == uvms_gym.import_robot(path, **given)

@@ -31,7 +31,7 @@ FORMATS = (
 
 #: Suffixes of further formats, which are refused by name.
 _OTHERS = {
-    ".toml": "a TOML file: scenes are loaded by load_scene",
+    ".toml": "a TOML file: a scene needs no import",
     ".m": "a MATLAB file: write its numbers as YAML, one key a line",
     ".scn": "a Stonefish scenario",
     ".usd": "a USD file",

@@ -86,5 +86,7 @@ def _of_options(message: str, arms: list[str]) -> str:
     found = re.fullmatch(r"<dict>: (vehicle|arms\[(\d+)\])\.(\w+)( \([^)]*\))?(.*)", message, re.S)
     if found is None:
         return message
-    key = "" if found[3] == "file" else f": {found[3]}"
-    return f"--arm {arms[int(found[2])]}{key}{found[5]}" if found[2] else f"--vehicle{key}{found[5]}"
+    key, rest = f": {found[3]}", found[5]
+    part = re.fullmatch(r': is "(.*?)"(: .*)', rest, re.S)
+    option = f"--arm {arms[int(found[2])]}" if found[2] else "--vehicle" + (f" {part[1]}" if part else "")
+    return f"{option}{part[2]}" if found[3] == "file" and part else f"{option}{key}{rest}"

@@ -40,12 +40,12 @@ def vector(option: str, text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise fail(f'{option} "{text}" is no vector of numbers separated by commas') from None
+        raise fail(f'{option} "{text}" must be numbers separated by commas') from None
 
 
 def placement(option: str, text: str, pose: str) -> dict[str, list[float]]:
     """Position, m, and roll, pitch, yaw, rad (default 0), behind the @ of an option's text."""
-    numbers = vector(option, pose)
+    numbers = vector(f"{option} {text}:", pose)
     if len(numbers) not in (3, 6):
         raise fail(f'{option} "{text}" needs 3 or 6 numbers after the @')
     return {"position": numbers[:3], "rpy": numbers[3:] or [0.0, 0.0, 0.0]}

@@ -110,16 +110,21 @@ def import_robot(
             help="Pose of the first link on that vehicle, m and rad. [default: 0]",
         ),
     ] = None,
-    base: Annotated[str | None, Option(metavar="LINK", help="First link. [default: the root]")] = None,
+    base: Annotated[
+        str | None, Option(metavar="LINK", help="First link of the robot. [default: the one without parent]")
+    ] = None,
     tip: Annotated[
         list[str] | None,
-        Option(metavar="[NAME=]LINK", help="End effector; may be repeated. [default: the ends that are no fingers]"),
+        Option(
+            metavar="[NAME=]LINK", help="Link that is an end effector; may be repeated. [default: the ends of the arms]"
+        ),
     ] = None,
     lock: Annotated[
         list[str] | None, Option(metavar="JOINT", help="Joint to freeze; may be repeated. [default: none]")
     ] = None,
     keep: Annotated[
-        list[str] | None, Option(metavar="JOINT", help="The only joint that moves; may be repeated. [default: all]")
+        list[str] | None,
+        Option(metavar="JOINT", help="Joint that moves, no others do; may be repeated. [default: all]"),
     ] = None,
     density: Annotated[
         list[str] | None,
@@ -131,13 +136,18 @@ def import_robot(
     out: TextFile = None,
     force: Force = False,
 ) -> None:
-    """Make a scene of a robot's file: a vehicle with its arms, or an arm on the vehicle of a scene."""
+    """Make a scene from a robot's file: a vehicle with its arms, a vehicle alone, or an arm on a vehicle.
+
+    Notes list all that was guessed, merged, frozen or left out, by link or joint. With --out they are printed; they are
+    comments at the top of the text, too.
+    """
     pose = None if mount is None else vector("--mount", mount)
     densities = [_density(text) for text in density or ()]
     chosen: dict[str, Any] = {"tip": tip, "lock": lock or (), "keep": keep or (), "density": densities}
     with user_errors():
         scene, notes = import_with_notes(file, vehicle=vehicle, mount=pose, base=base, **chosen)
         warnings = uvms_gym.lint_scene(scene)
+    notes = _together(notes)
     text = "".join(f"# {line}\n" for line in [f"{file.name}, by uvms scenes import.", *notes])
     write_text(text + uvms_gym.dump_scene(scene), out, force)
     if out is not None:
@@ -145,9 +155,21 @@ def import_robot(
             console.print(f"- {note}", markup=False)
 
 
+def _together(notes: list[str]) -> list[str]:
+    """Notes with the same text in one line, which begins with all their links or joints."""
+    names: dict[str, list[str]] = {}
+    for note in notes:
+        name, _, text = note.partition(": ")
+        names.setdefault(text or note, []).append(name)
+    return [f"{', '.join(found)}: {text}" if text not in found else text for text, found in names.items()]
+
+
 def _density(text: str) -> tuple[str | None, float]:
     link, equals, number = text.rpartition("=")
-    return link if equals else None, vector("--density", number)[0]
+    try:
+        return link if equals else None, float(number)
+    except ValueError:
+        raise fail(f'--density "{text}" is not [LINK=]NUMBER') from None
 
 
 def _shape(kind: str, text: str) -> dict[str, Any]:
