@@ -138,6 +138,10 @@ def test_a_replay_has_steps_up_to_the_one_that_a_scene_states() -> None:
     assert Replay(recordings, step=stated_step({**scene, "integration": {"step": 1.0}})).substeps == usual.substeps
     short = stated_step({**scene, "integration": {"step": 0.0019}})
     assert Replay(recordings, step=short).substeps == np.ceil(period / 0.0019)
+    # A step that is asked for comes before both, shorter or longer.
+    for dt in (0.0007, 2.0 * period / usual.substeps):
+        for step in (np.inf, short):
+            assert Replay(recordings, step=step, dt=dt).substeps == np.ceil(period / dt - 1e-9)
 
 
 # Fits
