@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{BASE, Body, EndEffectorFrame, Frame, LinearActuator, VEHICLE};
+use super::{BASE, Body, EndEffectorFrame, Frame, LinearActuator, MeshFile, VEHICLE};
 use crate::keys::numbers;
 
 /// An arm on the vehicle: a chain of links, or a tree.
@@ -19,6 +19,9 @@ pub struct Arm {
     pub mount: Mount,
     /// The arm's base, if it has mass; its frame is the mount frame, moved by `mount.joint` if there is one.
     pub base: Option<Body>,
+    /// Meshes of the base in pictures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<MeshFile>,
     /// Links from the base outward, each after its parent.
     #[serde(default)]
     pub links: Vec<Link>,
@@ -94,6 +97,9 @@ pub struct Link {
     pub joint: Joint,
     /// Rigid body and hydrodynamics in the link frame. A link on a fixed joint may be a mere frame.
     pub body: Option<Body>,
+    /// Meshes in pictures, in the link frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<MeshFile>,
 }
 
 impl Link {

@@ -83,6 +83,7 @@ impl Attachment {
         link.insert("name".to_owned(), self.body(BASE).into());
         link.insert("parent".to_owned(), self.on.clone().into());
         link.extend(arm.base.iter().map(|base| ("body".to_owned(), value(base))));
+        link.insert("meshes".to_owned(), value(&arm.meshes));
         Ok(link.into())
     }
 }

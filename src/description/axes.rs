@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use toml::Value;
 
-use super::{Body, Scene, Thruster, path};
+use super::{Body, MeshFile, Scene, Thruster, path};
 use crate::error::Problem;
 use crate::keys::{Fault, flip, flip_matrix, flip_six};
 use crate::terms::TERMS;
@@ -89,6 +89,9 @@ impl NedTables {
         body("vehicle.body", 0, &mut vehicle.body);
         if let (Some(shape), true) = (&mut vehicle.shape, self.has("vehicle", 0)) {
             flip(&mut shape.position);
+        }
+        if self.has("vehicle", 0) {
+            vehicle.meshes.iter_mut().for_each(MeshFile::convert_axes);
         }
         vehicle.convert_term_axes(self);
         let thrusters = vehicle.thrusters.iter_mut().enumerate();

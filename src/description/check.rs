@@ -162,6 +162,7 @@ impl Scene {
         self.validate_arm()?;
         self.validate_fixtures()?;
         self.validate_contact()?;
+        self.check_mesh_files()?;
         self.integration.iter().try_for_each(Integration::check)?;
         if let Some(on) = self.payload.as_ref().and_then(|payload| payload.on.as_ref()) {
             self.check_end_effector(on, "payload.on")?;

@@ -12,18 +12,24 @@ use super::part::Parts;
 use super::part_sources::PartSources;
 use super::part_spheres::PartSpheres;
 use super::read::deserialize;
-use super::{Arm, VEHICLE, path};
+use super::{Arm, VEHICLE, mesh_file, path};
 use crate::error::{DescriptionError, Problem};
 use crate::keys::{Fault, check_names};
 
 /// Keys of which a table has only one: an override of one removes the other.
 const ALTERNATIVES: [(&str, &str); 2] = [("volume", "buoyancy"), ("effort", "actuator")];
 
-/// The scene with its parts in place of their names; files of parts are relative to `directory`.
+/// The scene with its parts in place of their names; files of parts and meshes are relative to `directory`.
 ///
 /// # Errors
 /// As of a scene, from the scene or from a part, whose own file the message names.
-pub fn expand(tree: Value, source_name: &str, directory: &Path, parts: &mut Parts) -> Result<Value, DescriptionError> {
+pub fn expand(
+    mut tree: Value,
+    source_name: &str,
+    directory: &Path,
+    parts: &mut Parts,
+) -> Result<Value, DescriptionError> {
+    mesh_file::locate(&mut tree, directory);
     let composed = |key| tree.get(key).is_some_and(|table: &Value| table.get("file").is_some());
     if !composed(VEHICLE) && !composed("arm") && tree.get("arms").is_none() {
         return Ok(tree);

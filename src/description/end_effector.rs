@@ -62,7 +62,7 @@ impl Arm {
         self.end_effectors.values_mut().zip(named).for_each(|(of, name)| of.on = Some(name));
         self.end_effector.on = Some(own.clone());
         let (name, joint) = ("attached".to_owned(), Joint::fixed(self.end_effector.frame()));
-        self.links.push(Link { name, parent: Some(own), joint, body: Some(body) });
+        self.links.push(Link { name, parent: Some(own), joint, body: Some(body), meshes: Vec::new() });
     }
 
     /// True where both end effectors are the same frame of the same body.

@@ -40,6 +40,7 @@ impl AttachedArm {
         let (keys, used): (Vec<String>, usize) = match names[..] {
             [] => ([link(BASE)].into_iter().chain(links()).chain(end_effector()).chain(others()).collect(), 0),
             ["base", ..] => (vec![path::join(&link(BASE), "body")], 1),
+            ["meshes", ..] => (vec![link(BASE)], 0),
             ["mount", "joint", ..] => (vec![path::join(&link(BASE), "joint")], 2),
             ["mount", ..] => (vec![path::join(&link(BASE), "joint")], 1),
             ["links", element, ..] if matches!(steps[1], Step::Element(_)) => {

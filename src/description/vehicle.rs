@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Fin, ForwardDamping, Shape, Tether, ThrustMap};
+use super::{Body, Fin, ForwardDamping, MeshFile, Shape, Tether, ThrustMap};
 use crate::keys::numbers;
 
 /// Base body with its thrusters, fins and tether.
@@ -33,6 +33,9 @@ pub struct Vehicle {
     pub servo: Option<VehicleServo>,
     /// Shape in pictures.
     pub shape: Option<Shape>,
+    /// Meshes in pictures, in place of shape and thrusters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<MeshFile>,
 }
 
 /// A thruster: a force along an axis at a point. `[HC eq. 25]`

@@ -1,8 +1,10 @@
 //! `uvms_gym.Renderer`.
 
+use std::collections::HashMap;
+
 use nalgebra::{Matrix3, Vector3};
 use numpy::ndarray::Array3;
-use numpy::{IntoPyArray, PyArray3};
+use numpy::{IntoPyArray, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -14,7 +16,7 @@ use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
 use uvms_gym::description::Scene;
-use uvms_gym::render::{self, RenderState, Settings, hull::hull, mesh::Vertex, paint::display};
+use uvms_gym::render::{self, Facet, Facets, RenderState, Settings, Vector, hull::hull, mesh::Vertex, paint::display};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
@@ -24,7 +26,9 @@ use uvms_gym::render::{self, RenderState, Settings, hull::hull, mesh::Vertex, pa
 /// ----------
 /// scene : str, os.PathLike or dict
 ///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. `vehicle.shape` is
-///     the shape of the vehicle; the default is a homogeneous box of the same mass and inertia.
+///     the shape of the vehicle; the default is a homogeneous box of the same mass and inertia. Mesh files (`meshes` of
+///     vehicle, arm and links) are read here, by the extra `import`; a body whose files cannot all be read is drawn without
+///     them, with a warning. Files of more than 20000 triangles are simplified.
 /// width, height : int
 ///     Pixels, 1 to 4096.
 /// azimuth, elevation : float
@@ -45,6 +49,7 @@ pub struct Renderer {
     inner: render::Renderer,
     scene: Scene,
     settings: Settings,
+    facets: Facets,
 }
 
 /// Position and rotation, from the arguments of a call.
@@ -86,8 +91,9 @@ impl Renderer {
             distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
             floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
         };
-        let inner = detached(py, || render::Renderer::new(&scene, &settings))?.or_raise()?;
-        Ok(Self { inner, scene, settings })
+        let facets = facets(&scene, py)?;
+        let inner = detached(py, || render::Renderer::new(&scene, &settings, &facets))?.or_raise()?;
+        Ok(Self { inner, scene, settings, facets })
     }
 
     /// int: pixels along.
@@ -123,7 +129,7 @@ impl Renderer {
     /// numpy.ndarray (2, 3): centre and edges, m, of the box about the vehicle's body, in the vehicle frame.
     #[getter]
     fn bounding_box<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let (envelope, ..) = hull(&self.scene);
+        let (envelope, ..) = hull(&self.scene, &self.facets);
         let size = envelope.half * 2.0;
         array(py, &[2, 3], envelope.middle.iter().chain(&size).copied().map(f64::from).collect())
     }
@@ -138,7 +144,7 @@ impl Renderer {
     ///     blue, 0 to 1, (n, 3) each, float32, and triangles, (m, 3), uint32: numbers of vertices, counterclockwise as seen from outside.
     fn meshes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let meshes = PyDict::new(py);
-        for (name, mesh) in render::bodies(&self.scene) {
+        for (name, mesh) in render::bodies(&self.scene, &self.facets) {
             let rows = |row: fn(&Vertex) -> [f32; 3]| {
                 matrix(py, mesh.vertices.iter().flat_map(row).collect(), mesh.vertices.len())
             };
@@ -274,6 +280,26 @@ impl Renderer {
         };
         Ok(((scene::to_python(&self.scene, py)?,), options))
     }
+}
+
+/// Triangles of the scene's mesh files that can be read.
+fn facets(scene: &Scene, py: Python<'_>) -> PyResult<Facets> {
+    if scene.mesh_files().all(|(_, files)| files.is_empty()) {
+        return Ok(Facets::new());
+    }
+    let reader = py.import("uvms_gym._importing.meshes")?;
+    let read = reader.call_method1("facets", (scene::to_python(scene, py)?,))?;
+    let facet = |row: &[f32]| {
+        let corners = [0, 3, 6].map(|k| Vector::new(row[k], row[k + 1], row[k + 2]));
+        Facet { corners, colour: (!row[9].is_nan()).then(|| [row[9], row[10], row[11]]) }
+    };
+    let list =
+        |numbers: &PyReadonlyArray2<'_, f32>| numbers.as_slice().map(|n| n.chunks_exact(12).map(facet).collect());
+    let read: HashMap<String, PyReadonlyArray2<'_, f32>> = read.extract()?;
+    Ok(read
+        .into_iter()
+        .map(|(file, numbers)| Ok((file, list(&numbers)?)))
+        .collect::<Result<_, numpy::AsSliceError>>()?)
 }
 
 fn vehicle(position: &Bound<'_, PyAny>, rotation: &Bound<'_, PyAny>) -> PyResult<PositionAndRotation> {

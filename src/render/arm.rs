@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Vector;
+use super::files::{Facets, drawn};
 use super::hull::single;
 use super::mesh::{Mesh, Vertex, across};
 use super::paint::Paint;
@@ -46,26 +47,31 @@ struct DrawnLink {
     /// End in its frame, m, by its centre of mass; drawn where it carries nothing, no end effector either.
     end: Option<Vector3<f64>>,
     radius: f32,
+    /// Mesh of its files, in its frame, in place of its drawing.
+    mesh: Option<Mesh>,
 }
 
 impl DrawnLink {
-    fn new(frame: EndEffector, joint: Option<&Joint>, body: Option<&Body>) -> Self {
+    fn new(frame: EndEffector, joint: Option<&Joint>, body: Option<&Body>, mesh: Option<Mesh>) -> Self {
         let axis = joint.filter(|joint| joint.kind != JointKind::Fixed);
         let axis = axis.map(|joint| (joint.axis, joint.slides()));
         let end = body.map(|body| body.center_of_mass * 2.0);
-        Self { frame, axis, carries: Vec::new(), end, radius: 0.03 }
+        Self { frame, axis, carries: Vec::new(), end, radius: 0.03, mesh }
     }
 }
 
 impl ArmModel {
     /// The arm of a scene, if it has one.
-    pub fn new(scene: &Scene) -> Option<Self> {
+    pub fn new(scene: &Scene, facets: &Facets) -> Option<Self> {
         let arm = scene.arm.as_ref()?;
         let bodies: Vec<_> =
             std::iter::once(arm.base.as_ref()).chain(arm.links.iter().map(|l| l.body.as_ref())).collect();
         let joints = std::iter::once(arm.mount.joint.as_ref()).chain(arm.links.iter().map(|link| Some(&link.joint)));
-        let links = EndEffector::links(scene).into_iter().zip(joints).zip(&bodies);
-        let mut links: Vec<_> = links.map(|((frame, joint), body)| DrawnLink::new(frame, joint, *body)).collect();
+        let files = std::iter::once(&arm.meshes).chain(arm.links.iter().map(|link| &link.meshes));
+        let meshes = files.map(|files| drawn(files, facets, LINK));
+        let links = EndEffector::links(scene).into_iter().zip(joints).zip(&bodies).zip(meshes);
+        let mut links: Vec<_> =
+            links.map(|(((frame, joint), body), mesh)| DrawnLink::new(frame, joint, *body, mesh)).collect();
         let entry = |of| match of {
             Some(Parent::Link(k)) => Some(1 + k),
             Some(Parent::Base) => Some(0),
@@ -161,6 +167,16 @@ impl ArmModel {
             starts.push(mesh.vertices.len());
             for (i, link) in self.links.iter().enumerate().filter(|(_, link)| link.frame.body() == body) {
                 let (from, r) = (points[i], link.radius);
+                if let Some(own) = &link.mesh {
+                    let rotation = link.frame.pose(&joints).0.map(|x| x as f32);
+                    let turned = |v: &Vertex| Vertex {
+                        position: rotation * v.position + from,
+                        normal: rotation * v.normal,
+                        ..*v
+                    };
+                    mesh.append(own, turned);
+                    continue;
+                }
                 if let Some((axis, slides)) = link.axis {
                     let axis = single(&(link.frame.pose(&joints).0 * axis));
                     joint_housing(mesh, from, axis, r, slides);

@@ -1,6 +1,7 @@
 //! Geometry of the vehicle's body and thrusters.
 
 use super::Vector;
+use super::files::{Facets, drawn};
 use super::mesh::{Mesh, across};
 use super::paint::Paint;
 use crate::description::{Body, Scene, Shape, ShapeKind, Water};
@@ -36,16 +37,18 @@ pub struct Thruster {
     pub radius: f32,
 }
 
-/// Bounding box, mesh and thrusters of a scene's vehicle, in its frame.
-pub fn hull(scene: &Scene) -> (Envelope, Mesh, Vec<Thruster>) {
+/// Bounding box, mesh and thrusters of a scene's vehicle, in its frame; mesh files take the place of shape and thrusters.
+pub fn hull(scene: &Scene, facets: &Facets) -> (Envelope, Mesh, Vec<Thruster>) {
     let vehicle = &scene.vehicle;
     let shape = vehicle.shape.clone().unwrap_or_else(|| derived(&vehicle.body, &scene.water));
     let half = single(&(shape.size * 0.5)).map(|h| h.clamp(1e-3, 1e3));
-    let envelope = Envelope { middle: single(&shape.position), half };
+    let mut envelope = Envelope { middle: single(&shape.position), half };
     let colour = shape.colour.map(|c| (c * c) as f32);
     let coat = Paint { colour, ..Paint::new(0) }.glossy(0.2);
+    let drawn = drawn(&vehicle.meshes, facets, coat);
     let mut mesh = Mesh::default();
     match shape.kind {
+        _ if drawn.is_some() => {}
         ShapeKind::Box => solid(&mut mesh, &envelope, coat),
         ShapeKind::Ellipsoid => {
             mesh.ellipsoid(envelope.middle, half, 28, |share| if share > 0.88 { NOSE } else { coat });
@@ -60,8 +63,12 @@ pub fn hull(scene: &Scene) -> (Envelope, Mesh, Vec<Thruster>) {
         .iter()
         .map(|t| Thruster { position: single(&t.position), axis: single(&t.axis), limits: t.limits, radius })
         .collect();
-    for thruster in &thrusters {
-        duct(&mut mesh, thruster);
+    if let Some((drawn, [lower, upper])) = drawn.and_then(|drawn| drawn.bounds().map(|bounds| (drawn, bounds))) {
+        mesh = drawn;
+        let half = ((upper - lower) * 0.5).map(|h| h.clamp(1e-3, 1e3));
+        envelope = Envelope { middle: (lower + upper) * 0.5, half };
+    } else {
+        thrusters.iter().for_each(|thruster| duct(&mut mesh, thruster));
     }
     (envelope, mesh, thrusters)
 }

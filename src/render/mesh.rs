@@ -42,6 +42,12 @@ fn circle(count: usize) -> Vec<[f32; 2]> {
 }
 
 impl Mesh {
+    /// Lower and upper corner of the box around the vertices; none without any.
+    pub fn bounds(&self) -> Option<[Vector; 2]> {
+        let corners = self.vertices.iter().map(|vertex| [vertex.position; 2]);
+        corners.reduce(|[lower, upper], [at, _]| [lower.inf(&at), upper.sup(&at)])
+    }
+
     /// A flat convex polygon.
     pub fn polygon(&mut self, corners: &[Vector], paint: Paint) {
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));

@@ -8,6 +8,7 @@ mod backdrop;
 mod bodies;
 pub mod camera;
 pub mod dock;
+pub mod files;
 pub mod hull;
 pub mod marks;
 pub mod mesh;
@@ -16,6 +17,7 @@ pub mod raster;
 mod renderer;
 mod shadow;
 pub use bodies::bodies;
+pub use files::{Facet, Facets};
 pub use renderer::{RenderState, Renderer, Settings};
 
 /// Vector in single precision, relative to the focus of the camera.

@@ -9,6 +9,7 @@ use super::arm::ArmModel;
 use super::backdrop::{self, Caustics, Floor};
 use super::camera::Camera;
 use super::dock::dock;
+use super::files::Facets;
 use super::hull::{Envelope, Thruster, hull, single};
 use super::marks;
 use super::mesh::{Mesh, Vertex};
@@ -146,22 +147,22 @@ struct Scratch {
 }
 
 impl Renderer {
-    /// Renderer of a checked scene.
+    /// Renderer of a checked scene. Bodies whose mesh files are all among `facets` are drawn by these.
     ///
     /// # Errors
     /// `RenderError` names the setting that is out of range.
-    pub fn new(scene: &Scene, settings: &Settings) -> Result<Self, RenderError> {
+    pub fn new(scene: &Scene, settings: &Settings, facets: &Facets) -> Result<Self, RenderError> {
         settings.check()?;
-        let (envelope, hull, thrusters) = hull(scene);
-        let arm = ArmModel::new(scene);
+        let (envelope, hull, thrusters) = hull(scene, facets);
+        let arm = ArmModel::new(scene, facets);
         let home: Vec<f64> = scene.joints().map(|joint| joint.home).collect();
         let mut combined = hull.clone();
         if let Some(arm) = &arm {
             arm.draw(&mut combined, &home, 0.0);
         }
         let mut bounds = [envelope.middle - envelope.half, envelope.middle + envelope.half];
-        for vertex in &combined.vertices {
-            bounds = [bounds[0].inf(&vertex.position), bounds[1].sup(&vertex.position)];
+        if let Some([lower, upper]) = combined.bounds() {
+            bounds = [bounds[0].inf(&lower), bounds[1].sup(&upper)];
         }
         let middle = (bounds[0] + bounds[1]) * 0.5;
         let reach = ((bounds[1] - bounds[0]).norm() * 0.5).clamp(1e-3, 1e4);

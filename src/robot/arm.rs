@@ -31,6 +31,7 @@ impl Moving<'_> {
             name: if robot.name.is_empty() { "arm".to_owned() } else { robot.name.clone() },
             mount: Mount { frame: mount.cloned().unwrap_or_default(), joint: None },
             base: None,
+            meshes: Vec::new(),
             links: Vec::new(),
             end_effector: EndEffectorFrame::default(),
             end_effectors: BTreeMap::new(),
@@ -53,7 +54,8 @@ impl Moving<'_> {
             let default = part.carrier + 1 == i && (i > 1 || mount.is_some());
             let parent = (!default).then(|| names[part.carrier].clone());
             note(joint, notes);
-            arm.links.push(Link { name, parent, joint: taken_over(joint, part.frame.clone()), body: Some(body) });
+            let (joint, meshes) = (taken_over(joint, part.frame.clone()), part.mesh_files(tree));
+            arm.links.push(Link { name, parent, joint, body: Some(body), meshes });
         }
         if let Some(vehicle) = mount.is_none().then_some(VEHICLE) {
             arm.links

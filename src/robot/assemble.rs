@@ -57,6 +57,8 @@ pub struct Moving<'a> {
     pub inertials: Vec<Option<Inertial>>,
     pub parts: Vec<Part>,
     frozen: Frozen,
+    /// True if a vehicle takes the place of the file's hull.
+    replaced: bool,
     /// Vehicle under an arm without one.
     default: &'static str,
 }
@@ -76,7 +78,7 @@ impl Assembly<'_> {
         let choices = Choices { lock: self.lock, keep: self.keep };
         let frozen = tree.frozen(root, &choices, &inertials, &mut notes)?;
         let parts = parts(&tree, root, &frozen.at);
-        let mut moving = Moving { tree, inertials, frozen, parts, default: DEFAULT };
+        let mut moving = Moving { tree, inertials, frozen, parts, replaced: false, default: DEFAULT };
         let scene = match self.hull(&mut moving, root, &mut notes)? {
             true => self.whole(&moving, &mut notes)?,
             false => self.mounted(&moving, &mut notes)?,
@@ -110,6 +112,7 @@ impl Assembly<'_> {
                 for (link, _) in &parts[0].links {
                     inertials[*link] = None;
                 }
+                moving.replaced = true;
                 Ok(false)
             }
             (Some(_), None) => Ok(false),
@@ -219,6 +222,9 @@ impl Assembly<'_> {
         let base = &moving.parts[0];
         let Built { body, origins: of_base, .. } =
             body(&moving.tree, base, &moving.inertials, (density, false), notes)?;
+        if !moving.replaced {
+            arm.meshes = base.mesh_files(&moving.tree);
+        }
         if body.mass > 0.0 {
             arm.base = Some(body);
             origins.extend(of_base.into_iter().map(|(key, text)| (format!(".base.{key}"), text)));

@@ -100,6 +100,7 @@ pub fn vehicle(
         forward_damping: built.forward,
         servo: None,
         shape,
+        meshes: hull.mesh_files(tree),
     };
     (vehicle, origins)
 }

@@ -6,7 +6,7 @@ use super::check::{Impossible, impossible};
 use super::element::Result;
 use super::tree::Tree;
 use super::{Inertial, RobotJoint, RobotJointKind};
-use crate::description::Frame;
+use crate::description::{Frame, MeshFile};
 
 /// A moving part, in the frame of its first link.
 pub struct Part {
@@ -18,6 +18,17 @@ pub struct Part {
     pub frame: Frame,
     /// Links with their frames in the part's frame; the first one's is the identity.
     pub links: Vec<(usize, Frame)>,
+}
+
+impl Part {
+    /// Mesh files that draw the part, in its frame.
+    pub fn mesh_files(&self, tree: &Tree) -> Vec<MeshFile> {
+        let of = |(link, at): &(usize, Frame)| {
+            let files = tree.robot.links[*link].meshes.iter().filter_map(|mesh| mesh.drawing.as_ref());
+            files.map(|file| file.at(compose(at, &file.frame()))).collect::<Vec<_>>()
+        };
+        self.links.iter().flat_map(of).collect()
+    }
 }
 
 /// Inertial properties of a part in its frame.

@@ -5,7 +5,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::description::{Fin, Frame, ThrustMap};
+use crate::description::{Fin, Frame, MeshFile, ThrustMap};
 use crate::error::DescriptionError;
 use crate::estimate::Shape;
 use crate::keys::numbers;
@@ -103,6 +103,8 @@ pub struct Mesh {
     /// Box around the mesh: upper corner in the mesh's axes, m.
     #[serde(default, with = "numbers::optional_vector3")]
     pub upper: Option<Vector3<f64>>,
+    /// The file as it is found, in the link frame, where it draws the link.
+    pub drawing: Option<MeshFile>,
 }
 
 /// Moments of inertia in any form of a scene's `inertia`.

@@ -206,6 +206,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         servo: Some(VehicleServo { kp: [40.0, 40.0, 40.0, 5.0, 5.0, 5.0], kd: [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }),
         body: random.body(30.0, 0.6, dry),
         shape: None,
+        meshes: Vec::new(),
     };
     let has_base = random.coin() || q0;
     let mut places = Random::new(seed ^ 0x7EEE);
@@ -232,8 +233,10 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
                 parent: parents[i].clone(),
                 joint: random.joint(0.3, forces),
                 body: Some(random.body(4.0, 0.4, dry)),
+                meshes: Vec::new(),
             })
             .collect(),
+        meshes: Vec::new(),
         end_effector: EndEffectorFrame { on, ..random.frame(0.3).into() },
         end_effectors: carriers.into_iter().map(|(name, on)| (name.to_owned(), named(on))).collect(),
     };
@@ -244,7 +247,8 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         let parent = parent.last().filter(|_| places.coin()).unwrap_or("vehicle").to_owned();
         let body = places.coin().then(|| places.body(4.0, 0.4, dry));
         let joint = Joint::fixed(places.frame(0.3));
-        arm.links.insert(at, Link { name: format!("fixed-{k}"), parent: Some(parent), joint, body });
+        arm.links
+            .insert(at, Link { name: format!("fixed-{k}"), parent: Some(parent), joint, body, meshes: Vec::new() });
     }
     let has_arm = links > 0 || has_base;
     let grip = [None, Some("left"), Some("right")][if branching && has_arm { places.bits() as usize % 3 } else { 0 }];

@@ -11,7 +11,7 @@ use uvms_gym::render::hull::hull;
 use uvms_gym::render::mesh::Mesh;
 use uvms_gym::render::paint::{Paint, Water, decay};
 use uvms_gym::render::raster::{Canvas, Corner};
-use uvms_gym::render::{RenderState, Renderer, Settings, Vector, marks};
+use uvms_gym::render::{Facets, RenderState, Renderer, Settings, Vector, marks};
 
 const SIZE: [usize; 2] = [64, 48];
 
@@ -86,7 +86,7 @@ proptest! {
         wild in any::<u64>(),
     ) {
         let scene = Scene::shipped("petasus-pum").unwrap();
-        let renderer = Renderer::new(&scene, &Settings { size: SIZE, ..Settings::default() }).unwrap();
+        let renderer = Renderer::new(&scene, &Settings { size: SIZE, ..Settings::default() }, &Facets::new()).unwrap();
         let n: Vec<f64> = (0..40).map(|i| if wild >> i & 1 == 1 { numbers[i] } else { small[i] }).collect();
         let (vector, matrix) = (|k: usize| Vector3::new(n[k], n[k + 1], n[k + 2]), |k: usize| Matrix3::from_column_slice(&n[k..k + 9]));
         let path = [vector(0), vector(3), vector(24)];
@@ -213,13 +213,13 @@ fn solids_are_closed_and_face_outward() {
 #[test]
 fn every_vehicle_is_closed_and_faces_outward() {
     for name in Scene::shipped_names() {
-        assert_solid(&hull(&Scene::shipped(name).unwrap()).1, name);
+        assert_solid(&hull(&Scene::shipped(name).unwrap(), &Facets::new()).1, name);
     }
     for kind in [ShapeKind::Box, ShapeKind::Ellipsoid, ShapeKind::Torpedo, ShapeKind::Frame, ShapeKind::Lattice] {
         let mut scene = Scene::shipped("bluerov2-heavy").unwrap();
         let size = Vector3::new(1.5, 0.4, 0.5);
         scene.vehicle.shape = Some(Shape { kind, size, ..Shape::default() });
-        assert_solid(&hull(&scene).1, &format!("{kind:?}"));
+        assert_solid(&hull(&scene, &Facets::new()).1, &format!("{kind:?}"));
     }
 }
 
@@ -227,7 +227,7 @@ fn every_vehicle_is_closed_and_faces_outward() {
 fn without_a_shape_the_box_is_that_of_the_inertia() {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
     scene.vehicle.shape = None;
-    let (envelope, ..) = hull(&scene);
+    let (envelope, ..) = hull(&scene, &Facets::new());
     assert!((envelope.half - Vector::repeat(0.35)).norm() < 1e-4, "{:?}", envelope.half);
 }
 
@@ -239,7 +239,10 @@ fn tilted() -> Matrix3<f64> {
 fn a_picture_depends_on_the_shot_alone() {
     let scene = Scene::shipped("petasus-pum").unwrap();
     let settings = Settings { size: [160, 120], ..Settings::default() };
-    let (one, other) = (Renderer::new(&scene, &settings).unwrap(), Renderer::new(&scene, &settings).unwrap());
+    let (one, other) = (
+        Renderer::new(&scene, &settings, &Facets::new()).unwrap(),
+        Renderer::new(&scene, &settings, &Facets::new()).unwrap(),
+    );
     let thrust = [50.0, -80.0, 0.0, 20.0, 100.0, -100.0];
     let shot = RenderState {
         position: Vector3::new(0.1, 0.0, 0.05),
@@ -275,7 +278,7 @@ fn the_end_effector_is_drawn_where_the_kinematics_has_it() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let scene = Scene::shipped(name).unwrap();
         let kinematics = uvms_gym::system::EndEffector::new(&scene);
-        let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
+        let renderer = Renderer::new(&scene, &Settings::default(), &Facets::new()).unwrap();
         for (step, azimuth) in [(0.0, 0.0), (0.15, 0.1), (-0.2, 0.0)] {
             let mut q = scene.home();
             q.iter_mut().take(renderer.joints()).for_each(|q| *q += step);
@@ -313,7 +316,7 @@ fn what_is_farther_away_looks_more_like_the_water() {
 #[test]
 fn a_vehicle_casts_a_shadow_on_the_floor() {
     let scene = Scene::shipped("rexrov").unwrap();
-    let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
+    let renderer = Renderer::new(&scene, &Settings::default(), &Facets::new()).unwrap();
     let brightness = |away: f64, point: Vector3<f64>| {
         // Looked at from the same place.
         let shot = RenderState {
@@ -344,14 +347,14 @@ fn settings_out_of_range_are_refused() {
         Settings { distance: Some(0.0), ..default },
         Settings { floor: Some(f64::INFINITY), ..default },
     ] {
-        assert!(Renderer::new(&scene, &settings).is_err(), "{settings:?}");
+        assert!(Renderer::new(&scene, &settings, &Facets::new()).is_err(), "{settings:?}");
     }
 }
 
 #[test]
 fn a_vehicle_far_from_its_target_stays_in_the_picture() {
     let scene = Scene::shipped("petasus-pum").unwrap();
-    let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
+    let renderer = Renderer::new(&scene, &Settings::default(), &Facets::new()).unwrap();
     let target = Some((Vector3::zeros(), Matrix3::identity()));
     let place = |position| {
         let shot = RenderState { position, target, ..RenderState::default() };
@@ -369,7 +372,7 @@ fn a_vehicle_far_from_its_target_stays_in_the_picture() {
 fn docks_are_closed_and_face_outward() {
     for name in Scene::shipped_names() {
         let mut mesh = Mesh::default();
-        let envelope = hull(&Scene::shipped(name).unwrap()).0;
+        let envelope = hull(&Scene::shipped(name).unwrap(), &Facets::new()).0;
         dock(&mut mesh, &envelope);
         assert_solid(&mesh, name);
         // The vehicle has room.
@@ -381,8 +384,10 @@ fn docks_are_closed_and_face_outward() {
 #[test]
 fn dock_and_reference_are_in_the_picture_of_a_vehicle_far_from_them() {
     let scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
-    let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
-    let near = Renderer::new(&scene, &Settings { distance: Some(renderer.distance()), ..Settings::default() }).unwrap();
+    let renderer = Renderer::new(&scene, &Settings::default(), &Facets::new()).unwrap();
+    let near =
+        Renderer::new(&scene, &Settings { distance: Some(renderer.distance()), ..Settings::default() }, &Facets::new())
+            .unwrap();
     let inside = |renderer: &Renderer, shot: &RenderState<'_>, point| {
         let seen = renderer.project(shot, &point);
         seen.is_some_and(|[x, y, _]| (0.0..640.0).contains(&x) && (0.0..480.0).contains(&y))

@@ -1,18 +1,23 @@
-"""Measures of meshes (STL, OBJ, COLLADA) by trimesh, of the extra `import`: volume, its centre and moments, a box."""
+"""Meshes (STL, OBJ, COLLADA) by trimesh, of the extra `import`: volume, its centre and moments, a box; triangles."""
 
 import io
 import re
+import warnings
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uvms_gym import _files
 from uvms_gym._rotations import Floats, from_rpy, matrices, rpy_of
 
 #: Maximum size of a mesh's file, bytes, and maximum number of its triangles.
 MOST_BYTES, MOST_TRIANGLES = 100_000_000, 1_000_000
+
+#: Maximum number of triangles of a file in pictures; larger meshes are simplified.
+MOST_DRAWN = 20_000
 
 #: Ratio of the volumes of a box along the principal axes and of the mesh's own box from which it replaces it.
 _SMALLER = 0.8
@@ -45,11 +50,13 @@ def measure(robot: dict[str, Any]) -> None:
         As of `read_robot`. Each measured mesh gets `volume` (m3), `center` (m) and `inertia` (m5, about `center`, at
         density 1) of its volume, and the corners `lower` and `upper` (m) of its box, all in the mesh's axes after
         scaling. A mesh that is not closed is measured by its convex hull. Where a box along the principal axes is
-        clearly smaller, `rpy` turns to these axes.
+        clearly smaller, `rpy` turns to these axes. `drawing` is the file, with scale and pose, of each visual
+        mesh, or of each collision mesh of a link without visual ones.
     """
     folder, known = Path(robot["source"]).absolute().parent, dict[str, Any]()
     failed, open_ones = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for link in robot["links"]:
+        _find_drawings(link, folder, failed)
         meshes = [mesh for mesh in link["meshes"] if mesh.get("volume") is None]
         done = bool(link["shapes"]) or len(meshes) < len(link["meshes"])
         for visual in (False, True):
@@ -83,6 +90,18 @@ def measure(robot: dict[str, Any]) -> None:
         )
 
 
+def _find_drawings(link: dict[str, Any], folder: Path, failed: dict[str, list[str]]) -> None:
+    if any("drawing" in mesh for mesh in link["meshes"]):
+        return
+    for mesh in [mesh for mesh in link["meshes"] if mesh["visual"]] or link["meshes"]:
+        path, pose = locate(mesh["file"], folder), {key: mesh[key] for key in ("scale", "position", "rpy")}
+        if path is None:
+            # Named all the same, so that the body is drawn without meshes until the file is there.
+            path = folder / re.sub(r"^\w+://", "", mesh["file"].strip().removeprefix("file://"))
+            failed[_not_found(mesh["file"])].append(link["name"])
+        mesh["drawing"] = {"file": str(path), **pose}
+
+
 def locate(name: str, folder: Path) -> Path | None:
     """File of a mesh that a robot's file in `folder` names; None if there is none."""
     name = name.strip().replace("\\", "/").removeprefix("file://")
@@ -102,16 +121,22 @@ def _load_or_reason(name: str, folder: Path) -> Any:
     """The mesh, or the reason why it cannot be read."""
     path = locate(name, folder)
     if path is None:
-        where = "in the folders above" if "://" in name or "$(" in name else "beside"
-        return f"{name}: not found {where} the robot's file"
+        return _not_found(name)
     try:
         return load(path)
     except MeshError as error:
         return f"{name} {error}"
 
 
+def _not_found(name: str) -> str:
+    where = "in the folders above" if "://" in name or "$(" in name else "beside"
+    return f"{name}: not found {where} the robot's file"
+
+
 def load(path: Path) -> Any:
     """Read a mesh: a `trimesh.Trimesh` in metres (COLLADA files state their unit), with merged vertices.
+
+    `face_attributes["colour"]` (n, 3) is the colour of each triangle's material, 0 to 1; NaN without one.
 
     Raises
     ------
@@ -155,7 +180,12 @@ def _parse(data: bytes, kind: str) -> Any:
         import trimesh
 
         # Without a resolver, no other file is opened: materials and textures are not needed.
-        return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None).to_mesh()
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None)
+        mesh, parts = scene.to_mesh(), [part for part in scene.dump() if hasattr(part, "faces")]
+        materials = [getattr(part.visual, "material", None) for part in parts]
+        colours = [np.full(3, np.nan) if m is None else m.main_color[:3] / 255.0 for m in materials]
+        mesh.face_attributes["colour"] = np.repeat(colours, [len(part.faces) for part in parts], axis=0)
+        return mesh
     except ModuleNotFoundError as error:
         raise MeshError(f"needs {error.name}: pip install 'uvms-gym[import]'") from None
     except Exception as error:  # Parsers of broken files raise anything.
@@ -206,3 +236,48 @@ def measures_of(mesh: Any, scale: Floats) -> tuple[dict[str, Any], bool]:
         "turn": turn,
     }
     return measures, closed
+
+
+def facets(scene: dict[str, Any]) -> dict[str, NDArray[np.float32]]:
+    """Triangles of the mesh files of a scene, in metres and in the files' axes, by the files' names.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray (n, 12)
+        Of each triangle three corners, counterclockwise as seen from outside, and red, green and blue, 0 to 1, or NaN.
+        A mesh that is not closed has both sides. Without files that cannot be read, for which there is a warning.
+    """
+    arm = scene.get("arm") or {}
+    links = [(f"link {link['name']}", link) for link in arm.get("links", ())]
+    found, names = dict[str, NDArray[np.float32]](), defaultdict[str, list[str]](list)
+    for name, part in [("vehicle", scene["vehicle"]), ("base", arm), *links]:
+        for mesh in part.get("meshes", ()):
+            names[mesh["file"]].append(name)
+    for file, bodies in names.items():
+        try:
+            found[file] = _facets(load(Path(file)))
+        except MeshError as error:
+            who = ", ".join(dict.fromkeys(bodies))
+            warnings.warn(f"{who}: drawn without meshes: {file} {error}", stacklevel=2)
+    return found
+
+
+def _facets(mesh: Any) -> NDArray[np.float32]:
+    """Rows of `facets` of one mesh, at most `MOST_DRAWN` of each side."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    colours, cells = mesh.face_attributes["colour"], 512.0
+    closed = mesh.is_watertight and mesh.is_winding_consistent
+    while len(faces) > MOST_DRAWN:
+        # Vertices in a cell of a grid become their mean, and triangles within two cells vanish.
+        steps = (mesh.vertices - mesh.bounds[0]) * (cells / (np.max(mesh.extents) or 1.0))
+        cell = np.unique(steps.astype(np.int64) @ [1, 1 << 20, 1 << 40], return_inverse=True)[1]
+        vertices = np.stack([np.bincount(cell, x) for x in mesh.vertices.T], axis=1) / np.bincount(cell)[:, None]
+        corners = np.sort(cell[mesh.faces], axis=1)
+        kept = np.unique(corners, axis=0, return_index=True)[1]
+        kept = kept[np.all(np.diff(corners[kept]) > 0, axis=1)]
+        faces, colours, cells = cell[mesh.faces[kept]], mesh.face_attributes["colour"][kept], 0.8 * cells
+    if closed and mesh.volume < 0.0:
+        faces = faces[:, ::-1]
+    sides = [faces] if closed else [faces, faces[:, ::-1]]
+    rows = [np.concatenate([vertices[side].reshape(-1, 9), colours], axis=1) for side in sides]
+    return np.concatenate(rows).astype(np.float32)

@@ -1,5 +1,6 @@
 """Geometry of MJCF: geoms as shapes of `uvms_gym.estimate` and as measured meshes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,25 @@ def geometry(model: Any, geom: int, offset: Floats, link: dict[str, Any], notes:
         link["meshes"].append(mesh)
         if not closed:
             notes.append(f"{link['name']}: mesh {mesh['file']} is not closed: its convex hull is measured")
+
+
+def drawings(model: Any, geoms: Sequence[int], offset: Floats) -> list[dict[str, Any]]:
+    """Mesh files of geoms in the axes of the files, which draw a link whose frame is at `offset` (m) in its body."""
+    found = []
+    for geom in geoms:
+        mesh = int(model.geom_dataid[geom])
+        if mesh < 0 or model.mesh_pathadr[mesh] < 0:
+            continue
+        # MuJoCo has moved the vertices by the pose of the mesh.
+        turn = _matrix(model.geom_quat[geom]) @ _matrix(model.mesh_quat[mesh]).T
+        entry = {
+            "file": model.paths[model.mesh_pathadr[mesh] :].split(b"\0")[0].decode(errors="replace"),
+            "scale": model.mesh_scale[mesh].tolist(),
+            "position": (model.geom_pos[geom] - offset - turn @ model.mesh_pos[mesh]).tolist(),
+            "rpy": rpy_of(turn).tolist(),
+        }
+        found.append(entry | {"visual": True, "drawing": entry})
+    return found
 
 
 def _mesh(model: Any, geom: int, pose: dict[str, Any]) -> tuple[dict[str, Any], bool]:

@@ -220,13 +220,15 @@ class _Reader:
 
     def _geometry(self, body: int, link: dict[str, Any]) -> None:
         """Shapes and meshes: those that collide, else those that are seen."""
-        from uvms_gym._importing.mjcf_geometry import geometry
+        from uvms_gym._importing.mjcf_geometry import drawings, geometry
 
         model = self.model
         geoms = self._of(body, "geom")
         colliding = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
         for geom in colliding or geoms:
             geometry(model, geom, self.offset[body], link, self.notes)
+        seen = [g for g in geoms if g not in colliding] or geoms
+        link["meshes"] += drawings(model, seen, self.offset[body])
         fluid = [g for g in geoms if model.geom_fluid[g, 0] > 0.0]
         if fluid:
             count = f"{len(fluid)} geom{'s' * (len(fluid) > 1)}"

@@ -72,6 +72,8 @@ def _omissions(scene: dict[str, Any], links: list[Link]) -> list[str]:
         speed="maximum speed of references",
         prescribed="prescribed motion (a servo or motor drives the joint)",
     )
+    if drawn := [link.name for link in links if link.meshes]:
+        lines.append(f"meshes for pictures (boxes are written): {', '.join(drawn)}")
     light = [link.name for link in links if link.matter and _moves(link) and _light(link.matter)]
     if light:
         lines.append(f"moments of inertia below {SMALLEST:g} kg m2 (raised): {', '.join(light)}")

@@ -74,7 +74,7 @@ class Link(NamedTuple):
 
     `parent` is the index of its carrier, before it in the list; None for the vehicle. `frame` is its pose in the
     carrier's frame, its joint at zero. `joint` is the table of the joint; None if it is rigidly connected.
-    `coordinate` is the index of the joint in every joint array of a simulator.
+    `coordinate` is the index of the joint in every joint array of a simulator. `meshes` are the tables of its meshes.
     """
 
     name: str
@@ -83,6 +83,7 @@ class Link(NamedTuple):
     joint: dict[str, Any] | None
     matter: Matter | None
     coordinate: int = -1
+    meshes: Sequence[Mapping[str, Any]] = ()
 
     @property
     def axis(self) -> Floats:
@@ -114,12 +115,16 @@ def tree(scene: dict[str, Any]) -> list[Link]:
 
     Depth first: whatever a link carries follows it.
     """
-    links = [Link("vehicle", None, Frame(), None, _matter(scene["vehicle"]["body"], scene))]
+    vehicle = scene["vehicle"]
+    own = _matter(vehicle["body"], scene)
+    links = [Link("vehicle", None, Frame(), None, own, meshes=vehicle.get("meshes", ()))]
     # Rigid joints of URDF have names, too.
     taken = {"world", "vehicle", "vehicle_fixed", "vehicle_floating"}
     ends: dict[str | None, int] = {}
 
-    def add(name: str, parent: int, frame: Frame, joint: dict[str, Any] | None, body: dict[str, Any] | None) -> int:
+    def add(
+        name: str, parent: int, frame: Frame, joint: dict[str, Any] | None, part: Mapping[str, Any], key: str = "body"
+    ) -> int:
         while name in taken:
             name += "_"
         taken.update((name, f"{name}_fixed"))
@@ -127,22 +132,23 @@ def tree(scene: dict[str, Any]) -> list[Link]:
             frame = frame @ Frame.of(joint.get("frame"))
         moves = joint is not None and joint["kind"] != "fixed"
         coordinate = sum(link.joint is not None for link in links) if moves else -1
-        links.append(Link(name, parent, frame, joint if moves else None, _matter(body, scene), coordinate))
+        matter, meshes = _matter(part.get(key), scene), part.get("meshes", ())
+        links.append(Link(name, parent, frame, joint if moves else None, matter, coordinate, meshes))
         return len(links) - 1
 
     if arm := scene.get("arm"):
         mount = arm["mount"]
-        carrier = add("base", 0, Frame.of(mount.get("frame")), mount.get("joint"), arm.get("base"))
+        carrier = add("base", 0, Frame.of(mount.get("frame")), mount.get("joint"), arm, "base")
         places = {"vehicle": 0, "base": carrier}
         for link in arm["links"]:
             parent = places.get(link.get("parent"), carrier)
-            carrier = places[link["name"]] = add(link["name"], parent, Frame(), link["joint"], link.get("body"))
+            carrier = places[link["name"]] = add(link["name"], parent, Frame(), link["joint"], link)
         named = {"end_effector": arm["end_effector"], **arm.get("end_effectors", {})}
         for name, end in named.items():
-            ends[name] = add(name, places.get(end.get("on"), carrier), Frame.of(end), None, None)
+            ends[name] = add(name, places.get(end.get("on"), carrier), Frame.of(end), None, {})
     if payload := scene.get("payload"):
         on = ends.get(payload.get("on"), ends.get("end_effector", 0))
-        add("payload", on, Frame.of(payload.get("frame")), None, payload["body"])
+        add("payload", on, Frame.of(payload.get("frame")), None, payload)
     return _depth_first(links)
 
 

@@ -50,6 +50,11 @@ def _omissions(scene: dict[str, Any], links: list[Link]) -> list[str]:
 
 def _link(root: ET.Element, link: Link, shape: dict[str, Any] | None) -> None:
     element = ET.SubElement(root, "link", name=link.name)
+    for mesh in link.meshes:
+        visual = ET.SubElement(element, "visual")
+        _origin(visual, Frame.of(mesh))
+        scale = numbers(mesh["scale"])
+        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"file://{mesh['file']}", scale=scale)
     if not link.matter:
         return
     c = link.matter.inertia
@@ -58,6 +63,8 @@ def _link(root: ET.Element, link: Link, shape: dict[str, Any] | None) -> None:
     _origin(inertial, Frame(link.matter.center_of_mass))
     ET.SubElement(inertial, "mass", value=numbers(link.matter.mass))
     ET.SubElement(inertial, "inertia", {name: numbers(moment) for name, moment in moments.items()})
+    if link.meshes:
+        return
     edges, frame, colour = link.box(shape)
     visual = ET.SubElement(element, "visual")
     _origin(visual, frame)

@@ -224,8 +224,8 @@ fn joint_loading_is_one_more_link() {
     let loaded = scene(true);
     let mut linked = loaded.clone();
     let arm = linked.arm.as_mut().unwrap();
-    let link =
-        Link { name: "base".into(), parent: None, joint: arm.mount.joint.take().unwrap(), body: arm.base.take() };
+    let (joint, body) = (arm.mount.joint.take().unwrap(), arm.base.take());
+    let link = Link { name: "base".into(), parent: None, joint, body, meshes: Vec::new() };
     arm.links.insert(0, link);
     let at = random_state(4, &loaded);
     let (loaded, linked) = (ClosedFormModel::new(&loaded).unwrap(), ClosedFormModel::new(&linked).unwrap());
