@@ -46,35 +46,38 @@ fn errors(truth: &[State], states: &[State]) -> Vec<f64> {
     errors
 }
 
-/// Bounds of the median and the maximum error of any coordinate, twist or rate at the ends of 100 s, in SI units. The
-/// maxima belong to joint rates of the Alpha arm, whose modes reach 50 1/s, and of its jaws at their stops. Nothing holds the
-/// REMUS, which wanders off.
-const BOUNDS: [(&str, f64, f64); 10] = [
-    ("petasus-pum", 3e-3, 1e-2),
-    ("bluerov2-heavy-alpha5", 1e-2, 0.1),
-    ("bluerov2-heavy-two-alpha5", 1e-2, 0.1),
-    ("bluerov2-heavy-alpha5-gripper", 1e-2, 0.6),
-    ("bluerov2-heavy", 1e-2, 0.05),
-    ("petasus", 5e-3, 2e-2),
-    ("bluerov2-alpha5-pool", 1e-2, 0.1),
-    ("free-body", 1e-12, 1e-12),
-    ("rexrov", 2e-3, 5e-3),
-    ("remus-100", 0.1, 0.2),
+/// Bounds of the errors of ros2 and of ros3 at the ends of 100 s: median and maximum of any coordinate, twist or rate, in SI
+/// units, 1.5 times the errors found. The gripper's maximum belongs to the rate of a finger at its end stop, whose damping
+/// acts at 860 1/s; without stops it is 8e-3 and 1.3e-3. Nothing holds the REMUS, which wanders off.
+const BOUNDS: [(&str, [f64; 2], [f64; 2]); 10] = [
+    ("petasus-pum", [7e-4, 1.6e-3], [6e-5, 1.9e-4]),
+    ("bluerov2-heavy-alpha5", [4e-3, 1.7e-2], [4.2e-4, 2.1e-3]),
+    ("bluerov2-heavy-two-alpha5", [3e-3, 7e-3], [2.4e-4, 8.4e-4]),
+    ("bluerov2-heavy-alpha5-gripper", [3.7e-3, 1.4e-2], [5.1e-4, 1e-2]),
+    ("bluerov2-heavy", [7.4e-3, 3e-2], [9.1e-4, 5.4e-3]),
+    ("petasus", [2.5e-3, 6.5e-3], [2.7e-4, 5.5e-4]),
+    ("bluerov2-alpha5-pool", [4.6e-3, 1.8e-2], [6.3e-4, 2e-3]),
+    ("free-body", [1e-12; 2], [1e-12; 2]),
+    ("rexrov", [8.4e-4, 2.5e-3], [4.2e-5, 1e-4]),
+    ("remus-100", [0.09, 0.19], [9.3e-3, 2.5e-2]),
 ];
 
 #[test]
 fn every_shipped_scene_is_stable_at_a_tenth_of_a_second() {
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
-        let Some((_, median, maximum)) = BOUNDS.iter().find(|bar| bar.0 == name) else { panic!("no bound for {name}") };
+        let Some((_, second, third)) = BOUNDS.iter().find(|bar| bar.0 == name) else { panic!("no bound for {name}") };
         // Fine enough for the bars: mk4's error is of order 4.
         let truth = driven(&scene, "mk4", 0.01, Precision::Double);
-        for (integrator, precision) in
-            [("ros2", Precision::Double), ("ros2", Precision::Single), ("ros3", Precision::Double)]
-        {
+        let cases = [
+            ("ros2", Precision::Double, second),
+            ("ros2", Precision::Single, second),
+            ("ros3", Precision::Double, third),
+        ];
+        for (integrator, precision, [median, maximum]) in cases {
             let errors = errors(&truth, &driven(&scene, integrator, 0.1, precision));
             println!("{name:24} {integrator} {precision:?}: median {:.2e}, maximum {:.2e}", errors[50], errors[99]);
-            let bar = |bar: f64| if precision == Precision::Single { bar + 1e-4 } else { bar };
+            let bar = |bar: f64| if precision == Precision::Single { bar + 1e-5 } else { bar };
             assert!(errors[50] <= bar(*median) && errors[99] <= bar(*maximum), "{name}");
         }
     }
