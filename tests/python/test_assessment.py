@@ -130,6 +130,20 @@ def test_val_rates_of_a_joint_by_their_causes() -> None:
     assert uvms_gym.lint_scene(scene) == []
 
 
+@pytest.mark.parametrize("name", ["petasus-pum", "bluerov2-heavy-two-alpha5"])
+def test_val_inertias_by_the_mass_matrix(name: str) -> None:
+    """A joint moves against `1 / (M^-1)_kk`, all else free; thrust moves vehicle and arm as one body."""
+    found = uvms_gym.assess_scene(name)
+    mass = uvms_gym.Simulator(name).mass_matrix()[0]
+    free, one = np.linalg.inv(mass).diagonal(), np.linalg.inv(mass[:6, :6]).diagonal()
+    assert [joint["inertia"] for joint in found["joints"]] == pytest.approx(list(1.0 / free[6:]), rel=1e-9)
+    reached = [entry["alone"] for entry in found["authority"]]
+    assert [entry["acceleration"] for entry in found["authority"]] == pytest.approx(list(one * reached), rel=1e-9)
+    # Neither is the diagonal of M.
+    assert np.max(np.abs(mass.diagonal()[6:] * free[6:] - 1.0)) > 0.01
+    assert np.max(np.abs(mass.diagonal()[:6] * one - 1.0)) > 0.01
+
+
 def doubts(change: Any) -> list[str]:
     scene = copy.deepcopy(uvms_gym.load_scene("bluerov2-heavy-alpha5"))
     change(scene)

@@ -202,6 +202,33 @@ def test_a_recommendation_holds_at_the_speed_that_thrusters_reach() -> None:
     assert "rate 4" in fast["reason"] and "surge" in fast["reason"]
 
 
+def test_a_recommendation_is_for_the_stated_speed_and_by_the_error() -> None:
+    scene = uvms_gym.load_scene("bluerov2-heavy")
+    at = {speed: uvms_gym.recommend_integration(scene, speed) for speed in (0.0, None, 10.0, 50.0, 1e4, 1e6)}
+    choice = {speed: (found["integrator"], found["step"]) for speed, found in at.items()}
+    assert choice[0.0] == choice[None] == choice[10.0] == ("mk4", 0.01)
+    assert at[0.0]["error"] < 1e-9 < at[None]["error"] < 0.02 * at[10.0]["error"] < 1e-4
+    # mk4 is unstable, and ros2, which is tried next, not accurate.
+    assert choice[50.0] == ("ros3", 0.01) and "ros2 at 0.01 s: 11.3 %" in at[50.0]["reason"] and at[50.0]["accurate"]
+    # Nothing known is accurate: the least error. Where all diverge, no one is better than the first.
+    assert choice[1e4] == ("ros3", 0.0005) and 0.02 < at[1e4]["error"] < 0.1 and not at[1e4]["accurate"]
+    assert choice[1e6] == ("ros2", 0.01) and at[1e6]["error"] == np.inf and not at[1e6]["accurate"]
+
+
+def test_a_recommendation_follows_servos_too() -> None:
+    """Servos of 100 1/s with a damping ratio of 0.05 are stable at 0.01 s, and off by 3 %; the arm alone is slow."""
+    scene = copy.deepcopy(uvms_gym.load_scene("bluerov2-heavy-alpha5"))
+    slow = uvms_gym.recommend_integration(scene)
+    for joint in (link["joint"] for link in scene["arm"]["links"]):
+        inertia = joint["rotor_inertia"] + 0.01
+        joint["servo"] = {"kp": inertia * 100.0**2, "kd": 2.0 * 0.05 * inertia * 100.0}
+        del joint["effort"]
+    fast = uvms_gym.recommend_integration(scene)
+    assert (slow["integrator"], slow["step"]) == ("mk4", 0.01)
+    assert (fast["integrator"], fast["step"], fast["accurate"]) == ("mk4", 0.005, True)
+    assert "mk4 at 0.01 s: 2.79 %" in fast["reason"]
+
+
 @pytest.mark.parametrize("integrator", ["mk4", "mk3", "mk2", "ros2", "ros3", "mk54", "semi-implicit-euler"])
 def test_no_warning_recommends_the_integrator_that_has_failed(integrator: str, stiff: dict[str, Any]) -> None:
     with warnings.catch_warnings(record=True) as caught:
