@@ -19,11 +19,21 @@ const HUGE: f64 = 1e100;
 /// Relative thrusts below this share of the maximum count as rounding: they are dropped, or saturate nothing.
 pub(super) const ROUNDING: f64 = 1e-12;
 
+/// Minimum height of the centre of buoyancy above the centre of mass by which roll and pitch level themselves, m.
+const RIGHTING: f64 = 1e-3;
+
+/// Axes that may be left to the righting moment, pitch and roll, in the order in which that is tried.
+const RIGHTED: [&[usize]; 3] = [&[4], &[3], &[3, 4]];
+
 /// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
 ///
 /// Minimises `sum (T_i / range_i)^2` over the thrusts that come closest to the wrench, where `range_i` is the
 /// maximum magnitude thruster i reaches. Moments count against forces through the thrusters' RMS distance from
 /// the origin, which matters only where a wrench cannot be reached.
+///
+/// An axis that thrusters reach only with a moment in roll or pitch, as the surge of four vectored and two vertical
+/// thrusters beside the centre of mass, is allocated as if that moment were none, if the vehicle rights itself (its
+/// centre of buoyancy is above its centre of mass) and cannot be rolled or pitched alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Allocation {
     count: usize,
@@ -33,6 +43,8 @@ pub struct Allocation {
     pseudo_inverse: [Vector6<f64>; THRUSTERS],
     limits: [[f64; 2]; THRUSTERS],
     wrench_limits: [f64; 6],
+    /// True for axes left to the righting moment.
+    righted: [bool; 6],
 }
 
 impl Allocation {
@@ -75,20 +87,64 @@ impl Allocation {
             pseudo_inverse: [Vector6::zeros(); THRUSTERS],
             limits,
             wrench_limits: [0.0; 6],
+            righted: [false; 6],
         };
         if count > 0 {
-            let scaled = Matrix6xX::from_fn(count, |r, i| row[r] * this.configuration[i][r] * this.range(i));
-            let svd = scaled.svd(true, true);
-            let minimum = RANK_TOLERANCE * svd.singular_values.max();
-            let inverse = svd.pseudo_inverse(minimum).expect("both factors were asked for, and the tolerance is >= 0");
-            let noise = ROUNDING * inverse.amax();
-            let inverse = inverse.map(|x| if x.abs() > noise { x } else { 0.0 });
-            for i in 0..count {
-                this.pseudo_inverse[i] = Vector6::from_fn(|r, _| this.range(i) * inverse[(i, r)] * row[r]);
+            this.pseudo_inverse = this.inverse(&row);
+            if Self::rights_itself(vehicle) {
+                this.leave_to_righting(&row);
             }
+            let row = Vector6::from_fn(|axis, _| if this.righted[axis] { 0.0 } else { row[axis] });
             this.wrench_limits = std::array::from_fn(|axis| this.pure_limit(axis, &row));
         }
         Ok(this)
+    }
+
+    /// True if gravity and buoyancy level the vehicle, without its arm.
+    pub fn rights_itself(vehicle: &Vehicle) -> bool {
+        vehicle.body.center_of_buoyancy.z - vehicle.body.center_of_mass.z > RIGHTING
+    }
+
+    /// Rows of the weighted pseudo-inverse, with a weight on each axis of the wrench.
+    fn inverse(&self, row: &Vector6<f64>) -> [Vector6<f64>; THRUSTERS] {
+        let scaled = Matrix6xX::from_fn(self.count, |r, i| row[r] * self.configuration[i][r] * self.range(i));
+        let svd = scaled.svd(true, true);
+        let minimum = RANK_TOLERANCE * svd.singular_values.max();
+        let inverse = svd.pseudo_inverse(minimum).expect("both factors were asked for, and the tolerance is >= 0");
+        let noise = ROUNDING * inverse.amax();
+        let inverse = inverse.map(|x| if x.abs() > noise { x } else { 0.0 });
+        let thrusts = |i: usize| Vector6::from_fn(|r, _| self.range(i) * inverse[(i, r)] * row[r]);
+        std::array::from_fn(|i| if i < self.count { thrusts(i) } else { Vector6::zeros() })
+    }
+
+    /// Allocates axes that are not reached alone as if moments in roll and pitch were none, where this makes them reachable.
+    fn leave_to_righting(&mut self, row: &Vector6<f64>) {
+        let mut alone: [bool; 6] = std::array::from_fn(|axis| self.reaches(axis, &self.pseudo_inverse, row));
+        for left in RIGHTED {
+            if alone == [true; 6] || left.iter().any(|axis| alone[*axis]) {
+                continue;
+            }
+            let row = Vector6::from_fn(|axis, _| if left.contains(&axis) { 0.0 } else { row[axis] });
+            let inverse = self.inverse(&row);
+            for axis in 0..6 {
+                if !alone[axis] && self.reaches(axis, &inverse, &row) {
+                    alone[axis] = true;
+                    (0..self.count).for_each(|i| self.pseudo_inverse[i][axis] = inverse[i][axis]);
+                    left.iter().for_each(|axis| self.righted[*axis] = true);
+                }
+            }
+        }
+        for axis in (0..6).filter(|axis| self.righted[*axis]) {
+            (0..self.count).for_each(|i| self.pseudo_inverse[i][axis] = 0.0);
+        }
+    }
+
+    /// True if the thrusts of an axis give its wrench and none along the other axes that `row` weighs.
+    fn reaches(&self, axis: usize, inverse: &[Vector6<f64>; THRUSTERS], row: &Vector6<f64>) -> bool {
+        let unit = Vector6::ith(axis, 1.0);
+        let thrusts = std::array::from_fn(|i| inverse[i].dot(&unit));
+        let missed = row.component_mul(&(self.wrench(&thrusts) - unit)).norm();
+        row[axis] > 0.0 && missed <= RANK_TOLERANCE * row[axis]
     }
 
     /// Number of thrusters m.
@@ -148,7 +204,7 @@ impl Allocation {
     }
 
     /// Maximum force (N) and moment (N m) along each body axis alone, in both directions, that [`Self::allocate`]
-    /// reaches. 0 where the thrusters cannot push along that axis without pushing along another.
+    /// reaches. 0 where the thrusters cannot push along that axis without pushing along another that does not right itself.
     #[inline]
     pub fn wrench_limits(&self) -> [f64; 6] {
         self.wrench_limits
@@ -169,12 +225,10 @@ impl Allocation {
     }
 
     fn pure_limit(&self, axis: usize, row: &Vector6<f64>) -> f64 {
-        let unit = Vector6::ith(axis, 1.0);
-        let thrusts = self.unsaturated(&unit);
-        let missed = row.component_mul(&(self.wrench(&thrusts) - unit)).norm();
-        if missed > RANK_TOLERANCE * row[axis] {
+        if !self.reaches(axis, &self.pseudo_inverse, row) {
             return 0.0;
         }
+        let thrusts = self.unsaturated(&Vector6::ith(axis, 1.0));
         self.scale_to_limits(&thrusts).min(self.scale_to_limits(&thrusts.map(|t| -t)))
     }
 }

@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, Matrix6xX, Vector6};
-
 use super::{Body, JointKind, JointLimits, Parent, Scene, Thruster, path};
 
 /// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
@@ -237,23 +235,6 @@ impl Scene {
                 let text = format!("has the place of '{}' and the {way} direction: stated twice?", one.name);
                 warnings.push(implausible(format!("vehicle.thrusters[{k}] ({})", other.name), text));
             }
-        }
-        let at = self.vehicle.body.center_of_mass;
-        let wrench = |thruster: &Thruster| {
-            let moment = (thruster.position - at).cross(&thruster.axis);
-            Vector6::from_iterator(thruster.axis.iter().chain(&moment).copied())
-        };
-        let columns: Vec<_> = thrusters.iter().map(wrench).collect();
-        let matrix = Matrix6xX::from_columns(&columns);
-        let none: Vec<_> = (0..6).filter(|i| matrix.row(*i).amax() < 1e-9).map(|i| AXES[i]).collect();
-        if !none.is_empty() {
-            warnings.push(implausible("vehicle.thrusters", format!("no thruster acts in {}", none.join(", "))));
-            return;
-        }
-        let rank = DMatrix::from_iterator(6, columns.len(), matrix.iter().copied()).rank(1e-6);
-        if rank < 6 {
-            let text = format!("they span {rank} of 6 degrees of freedom");
-            warnings.push(implausible("vehicle.thrusters", text));
         }
     }
 }

@@ -154,7 +154,10 @@ def doubts(change: Any) -> list[str]:
 def test_shipped_scenes_have_no_doubts_but_the_known_ones(name: str) -> None:
     known = {
         "bluerov2-alpha5-pool": [],
-        "remus-100": ["vehicle.thrusters: no thruster acts in"],
+        "remus-100": [
+            "vehicle.thrusters: station keeping is not possible: they do not push in sway, heave, yaw alone",
+            "vehicle.thrusters: they do not act in roll, pitch alone: left to the righting moment",
+        ],
     }
     found = uvms_gym.lint_scene(name)
     assert len(found) == len(known.get(name, []))
@@ -169,6 +172,21 @@ def twice(scene: dict[str, Any]) -> None:
 def one_way(scene: dict[str, Any]) -> None:
     for one in scene["vehicle"]["thrusters"]:
         one["limits"] = [0.0, 40.0]
+
+
+def along(scene: dict[str, Any]) -> None:
+    for one in scene["vehicle"]["thrusters"]:
+        one["axis"] = [0.0, 0.0, 1.0] if "vertical" in one["name"] else [1.0, 0.0, 0.0]
+
+
+def five(scene: dict[str, Any]) -> None:
+    del scene["vehicle"]["thrusters"][5:]
+
+
+def unrighted(scene: dict[str, Any]) -> None:
+    five(scene)
+    body = scene["vehicle"]["body"]
+    body["center_of_buoyancy"] = body["center_of_mass"]
 
 
 def heavy(scene: dict[str, Any]) -> None:
@@ -190,6 +208,9 @@ def heavy(scene: dict[str, Any]) -> None:
         (twice, "vehicle.thrusters[8] (again): has the place of"),
         (one_way, "vehicle.thrusters: all that act in heave push in the"),
         (heavy, "vehicle.thrusters: "),
+        (along, "vehicle.thrusters: station keeping is not possible: they do not push in sway alone"),
+        (five, "vehicle.thrusters: they do not act in roll, pitch alone: left to the righting moment"),
+        (unrighted, "vehicle.thrusters: station keeping is not possible: they do not push in heave, roll, pitch alone"),
     ],
 )
 def test_slips_are_doubted_by_key(change: Any, start: str) -> None:

@@ -69,7 +69,7 @@ def test_a_body_with_a_buoyancy_has_a_volume(capsys: pytest.CaptureFixture[str])
     assert [float(cell) for cell in row] == pytest.approx(numbers, rel=1e-3)
 
 
-@pytest.mark.parametrize(("scene", "unstable"), [("bluerov2-heavy", True), ("remus-100", False)])
+@pytest.mark.parametrize(("scene", "unstable"), [("bluerov2-heavy", True), ("remus-100", True), ("rexrov", False)])
 def test_a_positive_rate_is_explained(scene: str, unstable: bool, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenes", "show", scene]) == 0
     assert ("unstable" in capsys.readouterr().out.split("Provenance")[0]) == unstable

@@ -12,6 +12,7 @@ pub use trim::Trim;
 
 use super::options::SimulatorOptions;
 use super::simulator::Simulator;
+use crate::control::Allocation;
 use crate::description::{Scene, SceneWarning};
 use crate::error::SimulatorError;
 use crate::integrate::{Gains, Integrator, Stability};
@@ -71,6 +72,18 @@ impl Assessment {
                 );
                 doubts.push(doubt("vehicle.thrusters", text));
             }
+        }
+        let rights = Allocation::rights_itself(&scene.vehicle);
+        let levelled = |axis: &str| rights && ["roll", "pitch"].contains(&axis);
+        let none = self.authority.iter().filter(|of| of.alone == 0.0).map(|of| of.axis);
+        let (passive, missing): (Vec<_>, Vec<_>) = none.partition(|axis| levelled(axis));
+        if !missing.is_empty() {
+            let text = format!("station keeping is not possible: they do not push in {} alone", missing.join(", "));
+            doubts.push(doubt("vehicle.thrusters", text));
+        }
+        if !passive.is_empty() {
+            let text = format!("they do not act in {} alone: left to the righting moment", passive.join(", "));
+            doubts.push(doubt("vehicle.thrusters", text));
         }
         let integration = scene.integration();
         let explicit = match Integrator::named(&integration.integrator, &Gains::DEFAULT).map(|i| i.stability()) {

@@ -3,24 +3,25 @@
 use nalgebra::{Vector3, Vector6};
 use proptest::prelude::*;
 
+use super::righting::afloat;
 use super::{actuated, block};
 use uvms_gym::control::*;
 use uvms_gym::description::{Scene, Thruster, Vehicle, VehicleServo};
 use uvms_gym::error::ControlError;
 use uvms_gym::lane::Real;
 
-fn heavy() -> Vehicle {
+pub fn heavy() -> Vehicle {
     Scene::shipped("bluerov2-heavy").unwrap().vehicle
 }
 
 /// Position, axis and limits.
-type Short = ([f64; 3], [f64; 3], [f64; 2]);
+pub type Short = ([f64; 3], [f64; 3], [f64; 2]);
 
 /// Two thrusters beside each other.
 const SIDES: [Short; 2] =
     [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
 
-fn with_thrusters(thrusters: &[Short]) -> Vehicle {
+pub fn with_thrusters(thrusters: &[Short]) -> Vehicle {
     let thruster = |(i, (position, axis, limits)): (usize, &Short)| {
         Thruster::new(format!("t{i}"), Vector3::from(*position), Vector3::from(*axis), *limits)
     };
@@ -158,9 +159,10 @@ fn axes_without_thrust_have_no_limit_and_are_named() {
     assert_eq!(a.allocate(&Vector6::new(0.0, 5.0, 5.0, 5.0, 5.0, 0.0)), [0.0; THRUSTERS]);
     let none = Allocation::new(&with_thrusters(&[])).unwrap();
     assert_eq!(none.unactuated(), AXES);
-    // A propeller above the origin pitches as it pushes: neither is to be had alone.
-    let high = [([0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [-10.0, 20.0])];
-    assert_eq!(Allocation::new(&with_thrusters(&high)).unwrap().wrench_limits(), [0.0; 6]);
+    // A propeller above the origin pitches as it pushes: neither is to be had alone, unless the vehicle rights itself.
+    let high = with_thrusters(&[([0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [-10.0, 20.0])]);
+    assert_eq!(Allocation::new(&afloat(&high, 0.0)).unwrap().wrench_limits(), [0.0; 6]);
+    assert_eq!(Allocation::new(&afloat(&high, 0.02)).unwrap().wrench_limits(), [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
 }
 
 #[test]

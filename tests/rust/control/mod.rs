@@ -6,6 +6,7 @@ mod mlp;
 mod mpc;
 mod nmpc;
 mod resolved_motion;
+mod righting;
 
 use uvms_gym::control::{ActionKind, ActionMap, Actuated, Actuation, Allocation, BlockIndices, TrackingIndices};
 use uvms_gym::description::Scene;
