@@ -4,7 +4,7 @@
 //! thruster/thruster_private.cpp.
 //!
 //! Added mass and linear damping are positive, three numbers each for translation and rotation. Buoyancy is `<compensation>` times
-//! the weight of the link. Thrust is `a n^2 + b n + c` at the rotor's speed n in rpm, the same either way.
+//! the weight of the link. Thrust is `a n^2 + b n + c` at the rotor's speed n in 1/s, the same either way.
 
 use nalgebra::Matrix6;
 
@@ -49,7 +49,8 @@ pub fn thruster(plugin: &Element, robot: &mut Robot) -> Result<()> {
     let number = |tag| Ok(plugin.value(tag)?.unwrap_or(0.0));
     let (speed, a, b, c) =
         (number("maximum_rpm")?, number("quadratic_coeff")?, number("linear_coeff")?, number("constant_coeff")?);
-    let thrust: f64 = a * speed * speed + b * speed + c;
+    let n = speed / 60.0;
+    let thrust: f64 = a * n * n + b * n + c;
     let (link, joint) = (plugin.word("link")?, plugin.needed("joint")?.content());
     if !robot.joints.iter().any(|other| other.name == joint) {
         plugin.note(&format!("is not read: the file has no joint \"{joint}\""));
