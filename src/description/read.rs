@@ -146,13 +146,25 @@ pub fn read_file(path: &Path) -> Result<(String, String), DescriptionError> {
         if file.len() > MAX_BYTES {
             return Err(io::Error::other(format!("{} bytes, but at most {MAX_BYTES} are read", file.len())));
         }
-        std::fs::read_to_string(path)
+        String::from_utf8(std::fs::read(path)?).map_err(|error| io::Error::other(not_utf8(&error)))
     };
     let source_name = path.display().to_string();
     match read() {
         Ok(text) => Ok((text, source_name)),
         Err(error) => Err(DescriptionError::File { path: source_name, error }),
     }
+}
+
+/// Place and probable encoding of text that is not UTF-8.
+fn not_utf8(error: &std::string::FromUtf8Error) -> String {
+    let (bytes, at) = (error.as_bytes(), error.utf8_error().valid_up_to());
+    let line = 1 + bytes[..at].iter().filter(|byte| **byte == b'\n').count();
+    let encoding = match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+        bytes if bytes.contains(&0) => "binary data",
+        _ => "Latin-1 or another encoding",
+    };
+    format!("line {line}: byte 0x{:02X} is not UTF-8 text but {encoding}: save the file as UTF-8", bytes[at])
 }
 
 /// A tree of values from TOML text; `source_name` (a file's name) appears in errors.
