@@ -31,8 +31,9 @@ pub struct Built {
 /// Shapes of all links of a part, in its frame.
 fn shapes(tree: &Tree, part: &Part, inertials: &[Option<Inertial>], notes: &mut Vec<String>) -> Vec<Shape> {
     let mut all = Vec::new();
+    let mass = part.links.iter().filter_map(|(link, _)| Some(inertials[*link].as_ref()?.mass)).sum();
     for (link, at) in &part.links {
-        for shape in outline(&tree.robot.links[*link], inertials[*link].as_ref(), notes) {
+        for shape in outline(&tree.robot.links[*link], inertials[*link].as_ref(), mass, notes) {
             let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
             all.push(Shape { position: frame.position, rpy: frame.rpy, ..shape });
         }

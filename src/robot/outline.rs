@@ -12,8 +12,11 @@ use crate::estimate::{Outline, Shape};
 
 /// Minimum semi-axis of the ellipsoid that represents a link without geometry, m.
 const THINNEST: f64 = 1e-3;
-/// Density of that ellipsoid below which the moments are no body's, kg/m3: frames with dummy moments.
+/// Density below which moments are no body's and meshes are not the volume of theirs, kg/m3: frames with dummy moments, open meshes
+/// and meshes in another unit.
 const LIGHTEST: f64 = 100.0;
+/// Density below which a mesh is in millimetres rather than open, kg/m3.
+const MILLIMETRES: f64 = 1e-3;
 /// Minimum edge of a box that stands for a mesh, m.
 const FLAT: f64 = 1e-4;
 
@@ -54,11 +57,21 @@ fn boxed(mesh: &Mesh) -> Option<Shape> {
     Some(Shape { cuboid: Some(size), position, rpy: mesh.rpy, ends, displaced, ..Shape::default() })
 }
 
-/// Shapes of a link in its frame from its geometry; none if it has none that is known.
-fn geometry(link: &RobotLink) -> Vec<Shape> {
-    let meshes = |visual: bool| link.meshes.iter().filter(move |mesh| mesh.visual == visual).filter_map(boxed);
+/// Shapes of a link in its frame from its geometry, with or without its meshes; none if it has none that is known.
+fn geometry(link: &RobotLink, measured: bool) -> Vec<Shape> {
+    let meshes =
+        |visual: bool| link.meshes.iter().filter(move |mesh| measured && mesh.visual == visual).filter_map(boxed);
     let shapes: Vec<_> = link.shapes.iter().cloned().chain(meshes(false)).collect();
     if shapes.is_empty() { meshes(true).collect() } else { shapes }
+}
+
+/// Volume of the measured meshes of a link, m3.
+fn volume(link: &RobotLink) -> f64 {
+    let of = |visual: bool| {
+        let meshes = link.meshes.iter().filter(move |mesh| mesh.visual == visual && boxed(mesh).is_some());
+        meshes.filter_map(|mesh| mesh.volume)
+    };
+    if link.shapes.is_empty() && of(false).next().is_none() { of(true).sum() } else { of(false).sum() }
 }
 
 /// A homogeneous link of measured meshes only; none if a mesh has no moments or the link has other geometry.
@@ -83,11 +96,22 @@ fn solid(link: &RobotLink, density: f64) -> Option<Inertial> {
     Some(Inertial { mass, position, rpy: Vector3::zeros(), inertia })
 }
 
-/// Shapes of a link in its frame, with a note unless its geometry states them.
-pub fn outline(link: &RobotLink, inertial: Option<&Inertial>, notes: &mut Vec<String>) -> Vec<Shape> {
-    let shapes = geometry(link);
-    let (true, Some(inertial)) = (shapes.is_empty(), inertial.filter(|own| own.mass > 0.0)) else { return shapes };
-    let why = if link.meshes.is_empty() { "no geometry" } else { "geometry is a mesh, which was not measured" };
+/// Shapes of a link in its frame, with a note unless its geometry states them; `part` is the mass of all that is rigidly connected
+/// to it, kg.
+pub fn outline(link: &RobotLink, inertial: Option<&Inertial>, part: f64, notes: &mut Vec<String>) -> Vec<Shape> {
+    let (volume, own) = (volume(link), inertial.filter(|own| own.mass > 0.0));
+    let doubtful = volume * LIGHTEST > part;
+    let shapes = geometry(link, !doubtful);
+    if doubtful && own.is_some() {
+        let cause = if volume * MILLIMETRES > part { "in millimetres, scale 0.001?" } else { "not closed, or a hull?" };
+        notes.push(format!("{}: its mesh encloses {volume:.3} m3 for {part:.3} kg: left out ({cause})", link.name));
+    }
+    let (true, Some(inertial)) = (shapes.is_empty(), own) else { return shapes };
+    let why = match (link.meshes.is_empty(), doubtful) {
+        (true, _) => "no geometry",
+        (false, true) => "no other geometry",
+        (false, false) => "geometry is a mesh, which was not measured",
+    };
     let (shape, density) = ellipsoid(inertial);
     let (what, shapes) = if inertial.is_point() {
         ("no moments of inertia: a point mass, which displaces no water".to_owned(), Vec::new())
@@ -126,7 +150,7 @@ pub fn inertials(
         let named = densities.iter().find(|(name, _)| name.as_ref() == Some(&link.name)).map(|(_, density)| *density);
         let all = densities.iter().find(|(name, _)| name.is_none()).map(|(_, density)| *density);
         let Some(density) = named.or(all.filter(|_| own.is_none())) else { continue };
-        let (mut shapes, speed) = (geometry(link), [0.1, 0.3]);
+        let (mut shapes, speed) = (geometry(link, true), [0.1, 0.3]);
         if shapes.is_empty() {
             if named.is_some() {
                 let problem = "has no shape and no measured mesh of which a density makes a mass";
@@ -148,8 +172,10 @@ pub fn inertials(
     }
     if order.iter().all(|i| inertials[*i].as_ref().is_none_or(|own| own.mass <= 0.0)) {
         let names = listed(order.iter().map(|i| tree.robot.links[*i].name.as_str()));
+        let unread = tree.robot.notes.iter().find(|note| !densities.is_empty() && note.contains("mesh not read"));
+        let unread = unread.map_or_else(String::new, |note| format!("; {note}"));
         let problem = format!(
-            "no link has a mass ({names}): state a --density, of which shapes and measured meshes make masses",
+            "no link has a mass ({names}): state a --density, of which shapes and measured meshes make masses{unread}",
         );
         return tree.robot.refuse(problem);
     }

@@ -9,6 +9,7 @@ import pytest
 
 from uvms_gym._importing import meshes
 from uvms_gym._rotations import about, from_rpy, matrices
+from uvms_gym.robots import import_with_notes
 
 
 def box_mesh(size: tuple[float, float, float], at: tuple[float, float, float]) -> Any:
@@ -137,3 +138,33 @@ def test_packages_are_sought_in_the_folders_above(tmp_path: Path, name: str) -> 
     assert meshes.locate(name, tmp_path / "workspace/description/urdf") == mesh
     assert meshes.locate(name, mesh.parent) == mesh
     assert meshes.locate(name, tmp_path) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_degenerate_meshes_warn_of_nothing(tmp_path: Path) -> None:
+    mesh = box_mesh((2.0, 1.0, 0.5), (0.0, 0.0, 0.0))
+    mesh.export(tmp_path / "box.stl")
+    (tmp_path / "sheet.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    for name, scale in (
+        ("box.stl", [0.0, 1.0, 1.0]),
+        ("box.stl", [1e200, 1e200, 1e200]),
+        ("sheet.obj", [1.0, 1.0, 1.0]),
+    ):
+        robot = linked(tmp_path, name)
+        robot["links"][0]["meshes"][0]["scale"] = scale
+        meshes.measure(robot)
+        assert robot["notes"], name
+
+
+def test_a_mesh_in_millimetres_is_left_out_with_a_note(tmp_path: Path) -> None:
+    box_mesh((457.0, 338.0, 254.0), (0.0, 0.0, 0.0)).export(tmp_path / "hull.stl")
+    mesh = "<collision><geometry><mesh filename='hull.stl'{}/></geometry></collision>"
+    mass = "<inertial><mass value='11'/><inertia ixx='.2' ixy='0' ixz='0' iyy='.25' iyz='0' izz='.3'/></inertial>"
+    for scale, left_out in (("", True), (" scale='.001 .001 .001'", False)):
+        path = tmp_path / "robot.urdf"
+        path.write_text(f"<robot name='r'><link name='hull'>{mass}{mesh.format(scale)}</link></robot>")
+        scene, notes = import_with_notes(path)
+        assert any("457 m long" in note and "scale 0.001" in note for note in notes) == left_out
+        assert scene["vehicle"]["body"]["volume"] == pytest.approx(0.011)
+        size = scene["vehicle"]["shape"]["size"]
+        assert (np.max(np.abs(np.array(size) - [0.457, 0.338, 0.254])) < 1e-6) != left_out

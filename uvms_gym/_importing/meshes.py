@@ -1,9 +1,11 @@
 """Meshes (STL, OBJ, COLLADA) by trimesh, of the extra `import`: volume, its centre and moments, a box; triangles."""
 
+import contextlib
 import io
 import re
 import warnings
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ _SMALLER = 0.8
 #: Ratio of the volume of a convex hull and the cube of its length below which it is flat.
 _FLAT = 1e-9
 
-#: Edge of a mesh's box from which the note asks for its unit, m.
+#: Maximum edge of a mesh's box, m: larger ones are in another unit.
 _HUGE = 100.0
 
 #: Folders above the robot's file that are searched for packages.
@@ -38,6 +40,15 @@ class MeshError(ValueError):
     """A mesh that cannot be measured; the message is the reason, without the file."""
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """No warnings of trimesh and numpy about degenerate triangles: measures are checked here."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+@_quiet()
 def measure(robot: dict[str, Any]) -> None:
     """Add the measures of its meshes to a robot, in place, and notes on meshes that could not be measured.
 
@@ -78,10 +89,6 @@ def measure(robot: dict[str, Any]) -> None:
                 done = True
                 if not closed:
                     open_ones[name].append(link["name"])
-                size = np.subtract(measures["upper"], measures["lower"])
-                if np.max(size) > _HUGE:
-                    text = f"{link['name']}: mesh {name} is {np.max(size):.0f} m long: its scale may be missing"
-                    robot["notes"].append(f"{text} (0.001 for millimetres)")
     for reason, links in failed.items():
         robot["notes"].append(f"{', '.join(dict.fromkeys(links))}: mesh not read: {reason}")
     for name, links in open_ones.items():
@@ -206,6 +213,9 @@ def measures_of(mesh: Any, scale: Floats) -> tuple[dict[str, Any], bool]:
     mesh = mesh.copy()
     mesh.apply_transform(np.diag([*scale, 1.0]))
     lower, upper = mesh.bounds
+    if not (length := np.max(upper - lower)) <= _HUGE:
+        limit = f"is {length:.3g} m long, but at most {_HUGE:g} m are read"
+        raise MeshError(f"{limit}: is it in millimetres (scale 0.001)?")
     closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
     # More than its box: parts are counted twice.
     closed = closed and 0.0 < abs(mesh.volume) <= np.prod(upper - lower) * (1.0 + 1e-6)

@@ -83,3 +83,24 @@ fn moments_that_no_body_has_are_replaced_or_merged_with_a_note() {
     assert!((scene.vehicle.body.inertia[(0, 0)] - 25.0).abs() < 1e-12);
     assert!(says(&notes, "frame", "with the links fixed to it they are"), "{notes:?}");
 }
+
+#[test]
+fn meshes_far_too_large_for_their_mass_are_left_out() {
+    let text = robot(&(link("foot") + &link("arm") + &joint("j", "continuous", "foot", "arm", "")));
+    let mut robot = Robot::from_text(&text, "robot.urdf").unwrap();
+    let edge = Vector3::repeat(1.0);
+    let mesh = Mesh { volume: Some(0.009), lower: Some(-edge), upper: Some(edge), ..Mesh::default() };
+    let mut of = |volume: f64| {
+        robot.links[1].meshes = vec![Mesh { volume: Some(volume), ..mesh.clone() }];
+        let Imported { scene, notes } = Assembly::default().of(&robot).unwrap();
+        (scene.arm.unwrap().links[0].body.as_ref().unwrap().volume.unwrap_or(0.0), notes)
+    };
+    // The link has 1 kg: 111, 91 and 1e-6 kg/m3.
+    let (volume, notes) = of(0.009);
+    assert!((volume - 0.009).abs() < 1e-12 && !says(&notes, "arm", "left out"), "{notes:?}");
+    for (large, cause) in [(0.011, "not closed"), (1e6, "in millimetres, scale 0.001?")] {
+        let (volume, notes) = of(large);
+        assert!(volume < 0.009, "{volume}");
+        assert!(says(&notes, "arm: ", cause), "{notes:?}");
+    }
+}
