@@ -23,8 +23,8 @@ from uvms_gym._files import write
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".yaml", ".yml")
 PERIODS, SECONDS, BYTES = 200, 240, 6 << 30
-#: Error at which station is held, m.
-HELD = 0.05
+#: Error at which station is held, m, and the axes that this takes.
+HELD, NEEDED = 0.05, ("surge", "sway", "heave", "yaw")
 
 
 def attempt(path: str) -> dict[str, Any]:
@@ -34,11 +34,14 @@ def attempt(path: str) -> dict[str, Any]:
         scene = uvms_gym.import_robot(path)
     except uvms_gym.SceneError as error:
         return {"refused": str(error).removeprefix(f"{path}: ")}
-    simulator = uvms_gym.Simulator(scene)
-    found: dict[str, Any] = {"joints": simulator.num_joints, "thrusters": simulator.num_thrusters}
-    if not simulator.num_thrusters:
-        return found
-    env = gymnasium.make("UVMS-StationKeep-v0", scene=scene)
+    simulator, authority = uvms_gym.Simulator(scene), uvms_gym.assess_scene(scene)["authority"]
+    assumed = "ASSUMED" in scene["summary"]
+    found: dict[str, Any] = {"joints": simulator.num_joints, "thrusters": simulator.num_thrusters, "assumed": assumed}
+    found["missing"] = [axis["axis"] for axis in authority if axis["axis"] in NEEDED and not axis["alone"]]
+    try:
+        env = gymnasium.make("UVMS-StationKeep-v0", scene=scene)
+    except ValueError as error:
+        return found | {"failed": str(error)}
     controller, memory = uvms_gym.make_controller("pid", env), None
     observation, info = env.reset(seed=0)
     for k in range(PERIODS):
@@ -63,10 +66,11 @@ def in_process(path: str) -> dict[str, Any]:
 
 def outcome(found: dict[str, Any]) -> str:
     """Last column of a row."""
-    for key, text in (("refused", "refused: {}"), ("failed", "FAILED: {}"), ("diverged", "diverged in period {}")):
+    for key, text in (("refused", "refused: {}"), ("failed", "failed: {}")):
         if key in found:
             return text.format(found[key]).replace("<", r"\<").replace("|", r"\|")
-    return f"{100 * found['error']:.1f} cm" if "error" in found else "no thrusters"
+    text = f"diverged in period {found['diverged']}" if "diverged" in found else f"{100 * found['error']:.1f} cm"
+    return text + (f"; no {', '.join(found['missing'])}" if found["missing"] else "")
 
 
 def listed(folder: Path) -> list[dict[str, str]]:
@@ -94,13 +98,15 @@ def main() -> None:
         found = in_process(entry["file"])
         results.append(found)
         numbers = [str(found.get(key, "")) for key in ("joints", "thrusters")]
+        numbers[1] += " assumed" if found.get("assumed") else ""
         rows.append("| " + " | ".join([entry["id"], entry["repository"], *numbers, outcome(found)]) + " |")
         print(entry["id"], outcome(found), file=sys.stderr)
     imported = [found for found in results if "joints" in found]
     held = [found for found in imported if found.get("error", np.inf) < HELD]
-    alone = [found for found in imported if not found["thrusters"]]
-    rows += ["", f"{len(results)} files: {len(imported)} imported, {len(alone)} of them without thrusters; "]
-    rows[-1] += f"{len(held)} end within {100 * HELD:g} cm."
+    assumed = sum(found["assumed"] for found in imported)
+    lacking = sum(bool(found["missing"]) for found in imported)
+    rows += ["", f"{len(results)} files: {len(imported)} imported, {assumed} of them with assumed thrusters and "]
+    rows[-1] += f"{lacking} without thrust along some axis; {len(held)} end within {100 * HELD:g} cm."
     text = "\n".join(rows) + "\n"
     if given.out is None:
         print(text, end="")

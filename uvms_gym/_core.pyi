@@ -130,6 +130,7 @@ def assemble_robot(
     robot: dict[str, Any],
     *,
     vehicle: _Scene | None = None,
+    thrusters: _Scene | None = None,
     position: _Rows = None,
     rpy: _Rows = None,
     base: str | None = None,

@@ -15,6 +15,7 @@ def import_robot(
     path: str | PathLike[str],
     *,
     vehicle: str | PathLike[str] | dict[str, Any] | None = None,
+    thrusters: str | PathLike[str] | dict[str, Any] | None = None,
     mount: Sequence[float] | None = None,
     base: str | None = None,
     tip: str | Sequence[str] | Mapping[str, str] | None = None,
@@ -27,8 +28,9 @@ def import_robot(
     Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file. All joints that move
     become joints of one tree, fingers among them; links on fixed joints are merged into the links that carry them.
     The first link is the hull of a vehicle if it carries thrusters or propellers, if the file states its
-    hydrodynamics, if it is on a floating joint, if nothing moves on it, or if it outweighs all that moves on it; else
-    it is the base of an arm, mounted on `vehicle`. Volume, added mass and damping that the file does not state are
+    hydrodynamics, if it is on a floating joint, if nothing moves on it, if it outweighs all that moves on it, or if
+    the robot's name says so; else it is the base of an arm, mounted on `vehicle`. A vehicle whose file states no
+    thrusters gets assumed ones. Volume, added mass and damping that the file does not state are
     estimated from the collision geometry, or from the visual geometry (see `estimate`); a link without either has the
     hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia
     that each joint carries. Integrator and step are those of `recommend_integration`. The scene's provenance names the
@@ -43,6 +45,10 @@ def import_robot(
         Scene of the water and the vehicle, which take the place of the file's hull; its arm and payload are left out.
         An arm alone is mounted on `bluerov2-heavy` by default, and on `rexrov` if its mass is above a quarter of the
         former's, 3.4 kg.
+    thrusters : {"file", "assumed"}, str, os.PathLike or dict, optional
+        Thrusters of a vehicle in the file: the file's alone, assumed ones, or the ones of a scene's vehicle, at their
+        places there. Assumed are eight ideal thrusters at the edges of the hull's box, four vectored and four
+        vertical, which together push as much as the robot weighs. Default: the file's; assumed if it states none.
     mount : sequence of 6 floats, optional
         First link in the frame of that vehicle: x, y, z (m), roll, pitch, yaw (rad). Default: at its origin.
     base : str, optional
@@ -68,13 +74,14 @@ def import_robot(
         The message names file, line and element, or the option.
     """
     chosen: dict[str, Any] = {"base": base, "tip": tip, "lock": lock, "keep": keep, "density": density}
-    return import_with_notes(path, vehicle=vehicle, mount=mount, **chosen)[0]
+    return import_with_notes(path, vehicle=vehicle, thrusters=thrusters, mount=mount, **chosen)[0]
 
 
 def import_with_notes(
     path: str | PathLike[str],
     *,
     vehicle: str | PathLike[str] | dict[str, Any] | None = None,
+    thrusters: str | PathLike[str] | dict[str, Any] | None = None,
     mount: Sequence[float] | None = None,
     base: str | None = None,
     tip: str | Sequence[str] | Mapping[str, str] | None = None,
@@ -89,6 +96,7 @@ def import_with_notes(
     scene, notes = _core.assemble_robot(
         read_robot(Path(path)),
         vehicle=vehicle,
+        thrusters=thrusters,
         position=pose[:3],
         rpy=pose[3:],
         base=base,

@@ -13,7 +13,7 @@ use super::scene::{object, read, read_with_warnings, text, to_python, tree};
 use uvms_gym::batch::assess;
 use uvms_gym::description::{Frame, Scene};
 use uvms_gym::estimate::Outline;
-use uvms_gym::robot::{Assembly, Imported, Robot};
+use uvms_gym::robot::{Assembly, Imported, Robot, ThrusterSource};
 
 /// TOML text of a scene with every key that there is, its unit and default in comments.
 #[pyfunction]
@@ -119,12 +119,13 @@ pub fn read_robot(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
 /// The scene of a robot of the form of `read_robot`, and what should be known about it; `uvms_gym.import_robot` documents the
 /// arguments.
 #[pyfunction]
-#[pyo3(signature = (robot, *, vehicle=None, position=None, rpy=None, base=None, tips=None, lock=None, keep=None, density=None))]
+#[pyo3(signature = (robot, *, vehicle=None, thrusters=None, position=None, rpy=None, base=None, tips=None, lock=None, keep=None, density=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
 pub fn assemble_robot<'py>(
     py: Python<'py>,
     robot: &Bound<'py, PyDict>,
     vehicle: Option<&Bound<'py, PyAny>>,
+    thrusters: Option<&Bound<'py, PyAny>>,
     position: Given,
     rpy: Given,
     base: Option<Bound<'py, PyString>>,
@@ -150,7 +151,19 @@ pub fn assemble_robot<'py>(
     let (tips, density) = (tips.unwrap_or_default(), density.unwrap_or_default());
     let (lock, keep) = (lock.unwrap_or_default(), keep.unwrap_or_default());
     let vehicle = vehicle.as_ref();
-    let assembly = Assembly { vehicle, mount, base, tips: &tips, lock: &lock, keep: &keep, density: &density };
+    let word = thrusters.and_then(|given| given.extract::<String>().ok());
+    let other = match word.as_deref() {
+        Some("file" | "assumed") => None,
+        _ => thrusters.map(read).transpose()?,
+    };
+    let thrusters = match (&other, word.as_deref()) {
+        (Some(scene), _) => ThrusterSource::Scene(scene),
+        (None, Some("file")) => ThrusterSource::File,
+        (None, Some(_)) => ThrusterSource::Assumed,
+        (None, None) => ThrusterSource::FileOrAssumed,
+    };
+    let (tips, lock, keep, density) = (&tips, &lock, &keep, &density);
+    let assembly = Assembly { vehicle, thrusters, mount, base, tips, lock, keep, density };
     let Imported { scene, notes } = detached(py, || assembly.of(&robot))?.or_raise()?;
     Ok((to_python(&scene, py)?, notes))
 }

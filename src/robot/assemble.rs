@@ -12,6 +12,7 @@ use super::motion::{Choices, Frozen};
 use super::outline::{Densities, inertials};
 use super::parts::listed;
 use super::servo::{STATION, station};
+use super::thrusters::{Propulsion, ThrusterSource};
 use super::tree::Tree;
 use super::{Inertial, Robot};
 use crate::description::{Frame, Provenance, Scene, Vehicle, Water};
@@ -28,6 +29,8 @@ const LOAD: f64 = 0.25;
 pub struct Assembly<'a> {
     /// Scene whose water and vehicle take the place of the file's hull; its own arm and payload are dropped.
     pub vehicle: Option<&'a Scene>,
+    /// Thrusters of the vehicle in the file.
+    pub thrusters: ThrusterSource<'a>,
     /// Frame of the robot's first link in the frame of that vehicle.
     pub mount: Frame,
     /// First link; default: the only link without parent, or on a floating joint.
@@ -157,10 +160,17 @@ impl Assembly<'_> {
             .flat_map(|arm| &arm.links)
             .flat_map(|link| &link.body)
             .fold((0.0, 0.0), |sum, body| (sum.0 + body.mass, sum.1 + body.displaced_volume(&water) * density));
-        let weight = (built.body.mass + others.0) * water.gravity.norm();
         let displaces = built.displaces;
-        let (mut vehicle, of_vehicle) =
-            hull::vehicle(tree, &moving.parts[0], &moving.frozen.propellers, built, weight, notes);
+        let mass = built.body.mass + others.0;
+        let displaced = if displaces { others.1 + built.body.displaced_volume(&water) * density } else { mass };
+        let gravity = water.gravity.norm();
+        let propulsion = Propulsion {
+            source: self.thrusters,
+            propellers: &moving.frozen.propellers,
+            weight: mass * gravity,
+            net_weight: (mass - displaced) * gravity,
+        };
+        let (mut vehicle, of_vehicle) = hull::vehicle(tree, &moving.parts[0], built, &propulsion, notes);
         let mut provenance = Provenance::default();
         provenance.0.insert("water".into(), format!("assumed: the water of {DEFAULT}"));
         if stated.is_some() {
@@ -185,8 +195,9 @@ impl Assembly<'_> {
             provenance.0.extend(origins.into_iter().map(|(key, text)| (format!("arm{key}"), text)));
         }
         let name = if robot.name.is_empty() { "imported".to_owned() } else { robot.name.clone() };
+        let assumed = provenance.0.get("vehicle.thrusters").map_or("", |_| " Its thrusters are ASSUMED.");
         let summary = format!(
-            "The robot of {}. Numbers that the file does not state are ESTIMATES: see the provenance.",
+            "The robot of {}. Numbers that the file does not state are ESTIMATES: see the provenance.{assumed}",
             robot.file_name()
         );
         Ok(Scene {
@@ -206,6 +217,9 @@ impl Assembly<'_> {
     /// The scene of an arm on the vehicle of another scene.
     fn mounted(&self, moving: &Moving, notes: &mut Vec<String>) -> Result<Scene> {
         let robot = moving.tree.robot;
+        if !matches!(self.thrusters, ThrusterSource::FileOrAssumed) {
+            return robot.refuse("is mounted on a vehicle with thrusters of its own, so --thrusters has no use");
+        }
         let shipped = Scene::shipped(moving.default)?;
         let mut scene = self.vehicle.unwrap_or(&shipped).bare_vehicle();
         let (Vehicle { name: vehicle, .. }, file) = (&scene.vehicle, robot.file_name());

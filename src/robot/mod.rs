@@ -23,6 +23,7 @@ mod plugins;
 mod read;
 mod sdf;
 mod servo;
+mod thrusters;
 mod tree;
 mod urdf;
 mod water;
@@ -31,3 +32,4 @@ pub use assemble::{Assembly, Imported};
 pub use parts::{
     InWater, Inertial, Mesh, MeshInertia, Mimic, Robot, RobotFin, RobotJoint, RobotJointKind, RobotLink, RobotThruster,
 };
+pub use thrusters::ThrusterSource;

@@ -5,11 +5,13 @@ use super::ends::{children, is_finger};
 use super::merge::parts;
 use super::parts::listed;
 use super::tree::Tree;
-use super::{Inertial, RobotJointKind};
+use super::{Inertial, RobotJoint, RobotJointKind};
 use crate::description::MAX_JOINTS;
 
 /// Mass of a propeller over the mass of the body that carries it, beyond which a wheel is no propeller.
 const ROTOR: f64 = 0.05;
+/// Number of light ends that turn freely on the hull from which they are the propellers of a vehicle whose file states no thrusters.
+const SEVERAL: usize = 4;
 /// Parts of the names of propellers, further words in these names, and words in the names of fins.
 const PROPELLERS: [&str; 2] = ["thruster", "propeller"];
 const ROTORS: [&str; 3] = ["prop", "rotor", "screw"];
@@ -38,7 +40,7 @@ impl Choices<'_> {
 }
 
 /// True if the name has one of these words, as in `fin_3_joint`, whatever its case.
-fn says(name: &str, words: &[&str]) -> bool {
+pub fn says(name: &str, words: &[&str]) -> bool {
     let name = name.to_lowercase();
     let mut parts = name.split(|c: char| !c.is_alphabetic());
     parts.any(|part| words.contains(&part) || part.strip_suffix('s').is_some_and(|part| words.contains(&part)))
@@ -202,21 +204,30 @@ impl<'a> Tree<'a> {
         let parts = parts(self, root, &frozen.at);
         let carried = children(&parts);
         let hull = masses[root] - carried[0].iter().map(|i| masses[parts[*i].links[0].0]).sum::<f64>();
-        for &i in &carried[0] {
-            let (Some(j), (link, _)) = (parts[i].joint, &parts[i].links[0]) else { continue };
-            let joint = &self.robot.joints[j];
-            if !carried[i].is_empty() || choices.keeps(&joint.name) || joint.mimic.is_some() {
-                continue;
-            }
+        let ends = carried[0].iter().filter(|i| carried[**i].is_empty()).filter_map(|i| {
+            let j = parts[*i].joint?;
+            let (joint, mass) = (&self.robot.joints[j], masses[parts[*i].links[0].0]);
+            let free = !choices.keeps(&joint.name) && joint.mimic.is_none();
+            free.then(|| (j, joint, joint.kind == RobotJointKind::Continuous, mass > 0.0 && mass <= ROTOR * hull))
+        });
+        let ends: Vec<_> = ends.collect();
+        // Where the file states thrusters, it states all of them.
+        let unstated = self.robot.thrusters.is_empty();
+        let called = |joint: &RobotJoint| {
+            [&joint.name, &joint.child].into_iter().any(|name| is_propeller(name) || says(name, &ROTORS))
+        };
+        let alike = ends.iter().filter(|(.., turns, light)| *turns && *light).count();
+        let several = unstated && alike >= SEVERAL && !ends.iter().any(|(_, joint, turns, _)| *turns && called(joint));
+        for (j, joint, turns, light) in ends {
             let either = |is: &dyn Fn(&str) -> bool| is(&joint.name) || is(&joint.child);
-            let turns = joint.kind == RobotJointKind::Continuous;
-            let light = masses[*link] > 0.0 && masses[*link] <= ROTOR * hull;
-            // Where the file states thrusters, it states all of them.
-            let named = self.robot.thrusters.is_empty() && either(&|name| is_propeller(name) || says(name, &ROTORS));
-            let what = if turns && named {
+            let what = if turns && unstated && called(joint) {
                 frozen.rotors = true;
                 frozen.propellers.push(j);
                 "a propeller, by its name: a thruster along its axis"
+            } else if turns && light && several {
+                frozen.rotors = true;
+                frozen.propellers.push(j);
+                "a propeller, as several light ends of the hull turn freely: a thruster along its axis"
             } else if turns && (light || either(&is_propeller)) {
                 frozen.rotors = true;
                 "a propeller, as it turns freely: locked at 0, without a thruster, as the file states none for it"

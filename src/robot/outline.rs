@@ -103,7 +103,7 @@ pub fn outline(link: &RobotLink, inertial: Option<&Inertial>, part: f64, notes: 
     let doubtful = volume * LIGHTEST > part;
     let shapes = geometry(link, !doubtful);
     if doubtful && own.is_some() {
-        let cause = if volume * MILLIMETRES > part { "in millimetres, scale 0.001?" } else { "not closed, or a hull?" };
+        let cause = if volume * MILLIMETRES > part { "in millimetres, scale 0.001?" } else { "not closed, or hollow?" };
         notes.push(format!("{}: its mesh encloses {volume:.3} m3 for {part:.3} kg: left out ({cause})", link.name));
     }
     let (true, Some(inertial)) = (shapes.is_empty(), own) else { return shapes };

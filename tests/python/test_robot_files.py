@@ -10,16 +10,20 @@ import pytest
 
 import uvms_gym
 from uvms_gym import SceneError, Simulator
+from uvms_gym.cli import main
 from uvms_gym.robots import import_with_notes
 
 FILES = Path(__file__).parents[1] / "data/robots"
+HEAVY = uvms_gym.load_scene("bluerov2-heavy")
 #: Joints, thrusters, total mass, kg, and displaced volume, m3 (None: an estimate), of files that are read.
 READ: dict[str, tuple[int, int, float, float | None]] = {
     "trait-uuv-simulator.urdf": (0, 7, 60.022, 0.0585),
     "trait-two-arms.urdf": (8, 7, 33.82, None),
     "trait-gazebo.sdf": (0, 7, 12.55, None),
-    "trait-parameters.yaml": (0, 0, 70.0, 0.0685),
-    "trait-mujoco.xml": (1, 0, 14.9, None),  # Without the fin.
+    "trait-six-thrusters.urdf": (0, 6, 11.5, 0.0115),
+    "trait-parameters.yaml": (0, 8, 70.0, 0.0685),
+    "trait-mujoco.xml": (1, 8, 14.9, None),  # Without the fin.
+    "vehicle-one-link.urdf": (0, 8, 11.5, None),
 }
 #: The same of files whose traits do not matter to the robot, and the step and integrator that it is given.
 HARMLESS: dict[str, tuple[int, int, float, tuple[str, float]]] = {
@@ -28,11 +32,11 @@ HARMLESS: dict[str, tuple[int, int, float, tuple[str, float]]] = {
     "dummy-frame.urdf": (2, 8, 15.5001, ("mk4", 0.01)),
     "joint-friction.urdf": (2, 8, 14.8, ("ros2", 0.01)),
     "zero-inertia-off-the-arm.urdf": (2, 1, 103.001, ("mk4", 0.005)),
-    "locked-joint-off-the-arm.urdf": (2, 0, 103.01, ("mk4", 0.01)),
-    "floating-base-off-the-arm.urdf": (2, 0, 103.0, ("mk4", 0.01)),
-    "vehicle-and-arm.urdf": (2, 0, 103.0, ("mk4", 0.01)),
-    "vehicle-with-propellers.urdf": (0, 0, 11.7, ("mk4", 0.01)),
-    "vehicle-one-link.urdf": (0, 0, 11.5, ("mk4", 0.01)),
+    "locked-joint-off-the-arm.urdf": (2, 8, 103.01, ("mk4", 0.005)),
+    "floating-base-off-the-arm.urdf": (2, 8, 103.0, ("mk4", 0.01)),
+    "vehicle-and-arm.urdf": (2, 8, 103.0, ("mk4", 0.01)),
+    "vehicle-with-propellers.urdf": (0, 8, 11.7, ("mk4", 0.01)),
+    "vehicle-one-link.urdf": (0, 8, 11.5, ("mk4", 0.01)),
 }
 REFUSED = {
     "trait-macros.urdf": r"line \d+: <robot>: has no <link>",
@@ -85,7 +89,7 @@ def test_a_harmless_trait_changes_nothing(name: str) -> None:
     assert np.isfinite(simulator.q).all() and np.isfinite(simulator.twist).all()
 
 
-@pytest.mark.parametrize("name", [name for name, (_, thrusters, *_) in READ.items() if thrusters])
+@pytest.mark.parametrize("name", READ)
 def test_an_imported_vehicle_holds_station(name: str) -> None:
     env = gymnasium.make("UVMS-StationKeep-v0", scene=read(name)[0])
     controller = uvms_gym.make_controller("pid", env)
@@ -209,6 +213,11 @@ def test_a_fault_is_one_line_with_file_and_line(tmp_path: Path, fault: str) -> N
         (b"", "root"),
         (b"hello", "line 1"),
         (bytes(range(256)), "UTF-8"),
+        (
+            "<robot name='r'>\n<link name='h\u00fclle'/></robot>".encode("latin-1"),
+            "line 2: byte 0xFC is not UTF-8 text",
+        ),
+        ("<robot/>".encode("utf-16"), "not UTF-8 text but UTF-16: save the file as UTF-8"),
         (b"<html><body/></html>", "<html>"),
         (b"<launch/>", "<launch>"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "line 1"),
@@ -233,3 +242,23 @@ def test_names_may_be_any_text(tmp_path: Path) -> None:
         links = A.replace('"a"', f'"{first}"') + B.replace('"b"', f'"{second}"')
         path.write_text(f'<robot name="r">{links}{joint(first, second, name=third)}</robot>')
         assert Simulator(uvms_gym.import_robot(path)).num_joints == 1
+
+
+def test_thrusters_are_chosen_on_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = FILES / "vehicle-one-link.urdf", str(tmp_path / "robot.toml")
+    assert main(["scenes", "import", str(path), "--out", out]) == 0
+    said = capsys.readouterr().out.replace("\n", " ")
+    assert "eight thrusters are ASSUMED" in said and "warning" not in said
+    scene = uvms_gym.load_scene(out)
+    assert scene == uvms_gym.import_robot(path)
+    assert scene["vehicle"] == uvms_gym.import_robot(path, thrusters="assumed")["vehicle"]
+    assert scene["provenance"]["vehicle.thrusters"].startswith("assumed: ")
+    assert uvms_gym.import_robot(path, thrusters="file")["vehicle"]["thrusters"] == []
+    assert main(["scenes", "import", str(path), "--thrusters", "bluerov2-heavy", "--out", out, "--force"]) == 0
+    assert uvms_gym.load_scene(out)["vehicle"]["thrusters"] == HEAVY["vehicle"]["thrusters"]
+    for options, message in (
+        ({"thrusters": "none"}, "no scene named 'none'"),
+        ({"thrusters": "file", "vehicle": "rexrov"}, "--thrusters has no use"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            uvms_gym.import_robot(path, **options)

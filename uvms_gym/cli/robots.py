@@ -103,6 +103,13 @@ def import_robot(
             "rexrov if the arm weighs more than a quarter of it]",
         ),
     ] = None,
+    thrusters: Annotated[
+        str | None,
+        Option(
+            metavar="file|assumed|SCENE",
+            help="Thrusters of a vehicle in the file. [default: the file's; assumed ones if it states none]",
+        ),
+    ] = None,
     mount: Annotated[
         str | None,
         Option(
@@ -143,7 +150,13 @@ def import_robot(
     """
     pose = None if mount is None else vector("--mount", mount)
     densities = [_density(text) for text in density or ()]
-    chosen: dict[str, Any] = {"tip": tip, "lock": lock or (), "keep": keep or (), "density": densities}
+    chosen: dict[str, Any] = {
+        "thrusters": thrusters,
+        "tip": tip,
+        "lock": lock or (),
+        "keep": keep or (),
+        "density": densities,
+    }
     with user_errors():
         scene, notes = import_with_notes(file, vehicle=vehicle, mount=pose, base=base, **chosen)
         warnings = uvms_gym.lint_scene(scene)

@@ -1,6 +1,7 @@
 //! Robots from URDF: an arm against a shipped scene, and malformed files.
 
 mod masses;
+mod thrusters;
 mod whole;
 
 use nalgebra::Vector3;

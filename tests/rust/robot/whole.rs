@@ -3,13 +3,15 @@
 use nalgebra::{Matrix3, Vector3};
 use uvms_gym::description::{Arm, Frame, MAX_JOINTS, Scene};
 use uvms_gym::error::DescriptionError;
-use uvms_gym::robot::{Assembly, Imported, Inertial, Robot, RobotJoint, RobotJointKind, RobotLink, RobotThruster};
+use uvms_gym::robot::{
+    Assembly, Imported, Inertial, Robot, RobotJoint, RobotJointKind, RobotLink, RobotThruster, ThrusterSource,
+};
 
 use super::{joint, link, robot};
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/robots");
+pub const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/robots");
 
-fn case(name: &str) -> Imported {
+pub fn case(name: &str) -> Imported {
     let robot = Robot::from_file(format!("{DATA}/{name}.urdf")).unwrap_or_else(|error| panic!("{error}"));
     Assembly::default().of(&robot).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -81,12 +83,14 @@ fn a_hull_in_the_file_becomes_the_vehicle_with_all_that_is_fixed_to_it() {
 #[test]
 fn a_vehicle_alone_has_no_arm() {
     let Imported { scene, notes } = case("vehicle-one-link");
-    assert!(scene.arm.is_none() && scene.vehicle.thrusters.is_empty());
+    assert!(scene.arm.is_none());
     assert!(says(&notes, "base_link: the hull", "nothing moves on it"), "{notes:?}");
-    assert!(says(&notes, "base_link: the hull", "no thrusters in the file"), "{notes:?}");
-    // Propellers without names and without a block of a plugin are no joints of an arm, and no thrusters either.
-    let Imported { scene, notes } = case("vehicle-with-propellers");
+    // Two propellers without names and without a block of a plugin are no joints of an arm, and no thrusters either.
+    let file = Assembly { thrusters: ThrusterSource::File, ..Assembly::default() };
+    let Imported { scene, notes } =
+        file.of(&Robot::from_file(format!("{DATA}/vehicle-with-propellers.urdf")).unwrap()).unwrap();
     assert!(scene.arm.is_none() && scene.vehicle.thrusters.is_empty());
+    assert!(says(&notes, "", "no thrusters in the file"), "{notes:?}");
     assert!((scene.vehicle.body.mass - 11.7).abs() < 1e-12);
     assert!(says(&notes, "p1: taken for a propeller", "locked at 0"), "{notes:?}");
     // Where the file states thrusters, these are the vehicle's.
@@ -303,24 +307,4 @@ fn limits_beyond_all_bounds_are_none() {
         assert_eq!(joint.limits.map(|limits| (limits.lower, limits.upper)), limits, "{limit}");
         assert_eq!((joint.effort, joint.speed), (None, None));
     }
-}
-
-#[test]
-fn frames_called_thruster_are_thrusters_along_their_x_axes() {
-    let frame = |i: usize, rpy: &str| {
-        let name = format!("Thruster{i}_left");
-        let place = format!("<origin xyz='0.{i} 0 0' rpy='{rpy}'/>");
-        format!("<link name='{name}'/>") + &joint(&format!("j{i}"), "fixed", "body", &name, &place)
-    };
-    let world = "<link name='world'/><link name='map'/>".to_owned() + &joint("m", "fixed", "world", "map", "");
-    let hull = world + &link("body") + &joint("w", "fixed", "world", "body", "<origin xyz='0 0 -95'/>");
-    let text = robot(&(hull + &frame(1, "0 0 0") + &frame(2, "0 -1.5707963267948966 0")));
-    let Imported { scene, notes } = accepted(&text);
-    let vehicle = &scene.vehicle;
-    assert_eq!((scene.arm.is_none(), vehicle.body.center_of_mass), (true, Vector3::zeros()));
-    let [one, two] = &vehicle.thrusters[..] else { panic!("{:?}", vehicle.thrusters) };
-    assert!((one.axis - Vector3::x()).norm() < 1e-15 && (two.axis - Vector3::z()).norm() < 1e-15);
-    assert_eq!((one.position, one.limits), (Vector3::new(0.1, 0.0, 0.0), [-4.9, 4.9]));
-    assert!(says(&notes, "Thruster1_left: a thruster along its x axis", "4.9 N either way"), "{notes:?}");
-    assert_eq!(notes.iter().filter(|note| note.starts_with("Thruster1_left: ")).count(), 1);
 }
