@@ -20,6 +20,9 @@ pub type Velocities = SVector<f64, VELOCITIES>;
 /// Mass matrix; identity past the scene's velocities.
 pub type MassMatrix = SMatrix<f64, VELOCITIES, VELOCITIES>;
 
+/// Velocities of most scenes: a smaller factor takes less time.
+const FEW: usize = 15;
+
 /// State of vehicle and arm in still water.
 #[derive(Debug, Clone, Copy)]
 pub struct ChainState<'a> {
@@ -59,15 +62,55 @@ pub struct Equations {
     pub jacobian: SMatrix<f64, 6, VELOCITIES>,
     /// The same of each further end effector that is held still.
     pub held: Vec<SMatrix<f64, 6, VELOCITIES>>,
-    /// Factor of the inertia, made when it is needed first; none where it is not positive definite, which does not happen.
-    factor: OnceCell<Option<Cholesky<f64, Const<VELOCITIES>>>>,
+    /// Number of velocities.
+    size: usize,
+    /// Factor of the inertia, made when it is needed first.
+    factor: OnceCell<Factor>,
+}
+
+/// Factor of a mass matrix; none where it is not positive definite, which does not happen.
+#[derive(Debug, Clone)]
+enum Factor {
+    Few(Option<Box<Cholesky<f64, Const<FEW>>>>),
+    All(Option<Box<Cholesky<f64, Const<VELOCITIES>>>>),
+}
+
+/// Product with the first `size` entries of velocities: the others are 0.
+pub(super) fn product<const ROWS: usize>(
+    matrix: &SMatrix<f64, ROWS, VELOCITIES>,
+    velocities: &Velocities,
+    size: usize,
+) -> SVector<f64, ROWS> {
+    matrix.columns(0, size) * velocities.rows(0, size)
 }
 
 impl Equations {
     /// `(M + T D)^-1` times a force; 0 without a factor.
     pub fn solve(&self, force: &Velocities) -> Velocities {
-        let factor = self.factor.get_or_init(|| self.inertia.cholesky());
-        factor.as_ref().map_or_else(Velocities::zeros, |factor| factor.solve(force))
+        let factor = self.factor.get_or_init(|| match self.size {
+            0..=FEW => Factor::Few(self.inertia.fixed_view::<FEW, FEW>(0, 0).into_owned().cholesky().map(Box::new)),
+            _ => Factor::All(self.inertia.cholesky().map(Box::new)),
+        });
+        let mut solution = Velocities::zeros();
+        match factor {
+            Factor::Few(Some(factor)) => {
+                let few = factor.solve(&force.fixed_rows::<FEW>(0).into_owned());
+                solution.fixed_rows_mut::<FEW>(0).copy_from(&few);
+            }
+            Factor::All(Some(factor)) => solution = factor.solve(force),
+            Factor::Few(None) | Factor::All(None) => {}
+        }
+        solution
+    }
+
+    /// `(M + T D)` times accelerations.
+    pub fn force(&self, accelerations: &Velocities) -> Velocities {
+        product(&self.inertia, accelerations, self.size)
+    }
+
+    /// Twist of the end effector.
+    pub fn twist(&self, velocities: &Velocities) -> na::Vector6<f64> {
+        product(&self.jacobian, velocities, self.size)
     }
 }
 
@@ -88,7 +131,14 @@ impl NominalModel {
         };
         forces.into_iter().enumerate().for_each(|(k, force)| inertia.set_column(k, &Velocities::from(force)));
         let held = self.held.iter().map(jacobian).collect();
-        Equations { inertia, bias: bias.into(), jacobian: jacobian(&self.end_effector), held, factor: OnceCell::new() }
+        Equations {
+            inertia,
+            bias: bias.into(),
+            jacobian: jacobian(&self.end_effector),
+            held,
+            size,
+            factor: OnceCell::new(),
+        }
     }
 
     /// Derivatives of the force `(M + T D) a + bias` by `[up; q; V; q']` at an acceleration a.
@@ -115,14 +165,16 @@ struct Force<'a> {
 }
 
 impl Function<ARGUMENT, VELOCITIES> for Force<'_> {
+    type Memory<L: Lane> = Scratch<L>;
+
     #[inline(always)]
-    fn at<L: Lane<Real = f64>>(&self, x: &[L; ARGUMENT]) -> [L; VELOCITIES] {
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; ARGUMENT], scratch: &mut Scratch<L>) -> [L; VELOCITIES] {
         let Self { model, implicit } = self;
         let (system, h) = (&model.system, L::c(*implicit));
         let ((q, twist, qd), (_, rate, qdd)) = (motion(x, VELOCITY), motion(x, STATE));
         let up = Vector3([x[0], x[1], x[2]]);
         let gravity = up.scale(L::c(-model.gravity) * inverse_sqrt(up.dot(up).max(L::c(1e-30))));
-        let (total, torques) = inverse_dynamics(system, gravity, [twist, rate], [&q, &qd, &qdd], &mut Scratch::new());
+        let (total, torques) = inverse_dynamics(system, gravity, [twist, rate], [&q, &qd, &qdd], scratch);
         let mut force = [L::zero(); VELOCITIES];
         force[..6].copy_from_slice(&(total - system.terms.passive_wrench(twist, gravity)).to_array());
         for (i, joint) in system.chain().iter().enumerate() {
@@ -139,11 +191,13 @@ impl Function<ARGUMENT, VELOCITIES> for Force<'_> {
 struct EffectorTwist<'a>(&'a NominalModel, &'a EndEffector);
 
 impl Function<STATE, 6> for EffectorTwist<'_> {
+    type Memory<L: Lane> = Scratch<L>;
+
     #[inline(always)]
-    fn at<L: Lane<Real = f64>>(&self, x: &[L; STATE]) -> [L; 6] {
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; STATE], scratch: &mut Scratch<L>) -> [L; 6] {
         let (q, twist, qd) = motion(x, VELOCITY);
         let mut twists = [twist; 1 + JOINTS];
-        link_twists(&self.0.system, twist, &q, &qd, &mut Scratch::new(), &mut twists[1..]);
+        link_twists(&self.0.system, twist, &q, &qd, scratch, &mut twists[1..]);
         let (carrier, tip) = self.1.tip();
         tip.adjoint_apply_inverse(twists[carrier]).to_array()
     }

@@ -72,7 +72,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
-    let Scratch { links, branches } = scratch;
+    let Scratch { links, branches, .. } = scratch;
     let links = &mut links[..joints.len()];
     if system.tree {
         cold_path();

@@ -53,6 +53,8 @@ pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
     /// Sums of branches; only trees use them.
     pub(super) branches: Branches<L>,
+    /// Rates of the twists of links that carry branches; inverse dynamics only.
+    pub(super) rates: [Vector6<L>; JOINTS],
 }
 
 impl<L: Lane> Scratch<L> {
@@ -71,7 +73,7 @@ impl<L: Lane> Scratch<L> {
             p: none,
             u_over_D: zero,
         };
-        Self { links: [link; JOINTS], branches: Branches::new() }
+        Self { links: [link; JOINTS], branches: Branches::new(), rates: [none; JOINTS] }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.

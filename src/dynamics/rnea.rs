@@ -30,16 +30,15 @@ pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
     scratch: &mut Scratch<L>,
 ) -> (Vector6<L>, [L; JOINTS]) {
     let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
+    let Scratch { links, rates, .. } = scratch;
+    let links = &mut links[..joints.len()];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, rate);
-    // Rates of the twists of links that carry branches.
-    let mut rates = [Vector6::zero(); JOINTS];
     for i in 0..joints.len() {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
             (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
-            A = at_carrier(carrier, rate, &rates);
+            A = at_carrier(carrier, rate, rates);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         (g, V) = link.outward(joint, g, V, qd[i]);

@@ -7,8 +7,10 @@ const WIDEST: usize = 16;
 
 /// Function of K numbers with M results.
 pub trait Function<const K: usize, const M: usize> {
+    /// Working memory.
+    type Memory<L: Lane>: Default;
     /// Results at an argument. Implementations, and what they call, are `#[inline(always)]`.
-    fn at<L: Lane<Real = f64>>(&self, x: &[L; K]) -> [L; M];
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; K], memory: &mut Self::Memory<L>) -> [L; M];
 }
 
 /// Results of a function at an argument.
@@ -46,7 +48,7 @@ impl<F: Function<K, M>, const K: usize, const M: usize> Kernel<f64> for Evaluati
         for k in 0..K {
             x[k] = L::c(self.x[k]);
         }
-        let results = self.function.at(&x);
+        let results = self.function.at(&x, &mut Default::default());
         for k in 0..M {
             self.results[k] = first_lane(results[k]);
         }
@@ -69,6 +71,7 @@ impl<F: Function<K, M>, const K: usize, const M: usize> Kernel<f64> for Differen
         for k in 0..K {
             x[k].value = L::c(self.x[k]);
         }
+        let mut memory = Default::default();
         for from in (0..self.by.len()).step_by(L::LANES) {
             let lanes = L::LANES.min(self.by.len() - from);
             let mut seeded = x;
@@ -77,7 +80,7 @@ impl<F: Function<K, M>, const K: usize, const M: usize> Kernel<f64> for Differen
                 along[lane] = 1.0;
                 seeded[self.by[from + lane]].slope = L::load(&along);
             }
-            let results = self.function.at(&seeded);
+            let results = self.function.at(&seeded, &mut memory);
             for k in 0..M {
                 self.results[k] = first_lane(results[k].value);
                 let mut slopes = [0.0; WIDEST];

@@ -157,7 +157,7 @@ impl TrackingModel<'_> {
             let acceleration = self.equations.solve(&force);
             let TrackingState { mut error, mut up, mut q, velocities, .. } = change;
             let twist: Velocities = velocities + acceleration * (0.5 * period);
-            error += self.equations.jacobian * twist * period;
+            error += self.equations.twist(&twist) * period;
             for k in 0..n {
                 error += by_joint[k] * (q[k] * period);
                 q[k] += twist[6 + k] * period;

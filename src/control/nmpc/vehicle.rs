@@ -142,8 +142,10 @@ struct ControlPeriod<'a> {
 }
 
 impl Function<{ STATES + 6 }, STATES> for ControlPeriod<'_> {
+    type Memory<L: Lane> = Scratch<L>;
+
     #[inline(always)]
-    fn at<L: Lane<Real = f64>>(&self, x: &[L; STATES + 6]) -> [L; STATES] {
+    fn at<L: Lane<Real = f64>>(&self, x: &[L; STATES + 6], scratch: &mut Scratch<L>) -> [L; STATES] {
         let mut arms = [ArmState { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] }; 2];
         for i in 0..2 {
             for k in 0..JOINTS {
@@ -157,7 +159,7 @@ impl Function<{ STATES + 6 }, STATES> for ControlPeriod<'_> {
         let from = VehicleMotion { error: load(x, 0), twist: load(x, 6) };
         let disturbance = Lanes6::from_array(disturbance);
         let wrenches = AppliedWrenches { command: load(x, STATES), thrust: load(x, 12), disturbance };
-        let end = self.model.predict(&from, [&arms[0], &arms[1]], &wrenches, self.period, &mut Scratch::new());
+        let end = self.model.predict(&from, [&arms[0], &arms[1]], &wrenches, self.period, scratch);
         let mut state = [L::zero(); STATES];
         store(&mut state, 0, end.motion.error);
         store(&mut state, 6, end.motion.twist);

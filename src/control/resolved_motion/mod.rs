@@ -17,7 +17,7 @@ pub use reading::{TrackingIndices, TrackingState};
 
 use super::bank::Bank;
 use super::controller::{Controller, Plant, Widths};
-use super::equations::{Equations, VELOCITIES, Velocities};
+use super::equations::{Equations, VELOCITIES, Velocities, product};
 use super::nominal_model::NominalModel;
 use super::{ActionMap, Actuation};
 use crate::description::{DEFAULT_END_EFFECTOR, JointLimits, Scene};
@@ -126,7 +126,12 @@ impl ResolvedMotion {
         for k in 0..VELOCITIES {
             scaled.row_mut(k).scale_mut(mobility[k]);
         }
-        let damped = jacobian * scaled + SMatrix::<f64, ROWS, ROWS>::identity() * DAMPING;
+        let size = 6 + n;
+        let mut damped = SMatrix::<f64, ROWS, ROWS>::zeros();
+        for k in 0..ROWS {
+            damped.set_column(k, &product(&jacobian, &scaled.column(k).into_owned(), size));
+        }
+        damped += SMatrix::identity() * DAMPING;
         // Symmetric and positive definite.
         let factor = damped.cholesky()?;
         let distribute = |motion: &SVector<f64, ROWS>| scaled * factor.solve(motion);
@@ -144,7 +149,7 @@ impl ResolvedMotion {
         for (k, error) in hold::errors(&self.model, now, targets).iter().enumerate() {
             twist.fixed_rows_mut::<6>(6 * (k + 1)).copy_from(&(error * -gains.pose_gain));
         }
-        let command = secondary + distribute(&(twist - jacobian * secondary));
+        let command = secondary + distribute(&(twist - product(&jacobian, &secondary, size)));
 
         let mut acceleration = distribute(&rate);
         for k in 0..6 + n {
@@ -169,7 +174,7 @@ impl ResolvedMotion {
             2 => self.acceleration::<18>(gains, now, equations, tasks),
             _ => self.acceleration::<24>(gains, now, equations, tasks),
         };
-        acceleration.map_or_else(Velocities::zeros, |acceleration| equations.inertia * acceleration + equations.bias)
+        acceleration.map_or_else(Velocities::zeros, |acceleration| equations.force(&acceleration) + equations.bias)
     }
 
     /// Number of integrals of the pose error.

@@ -105,7 +105,7 @@ impl MotionBank {
         for (estimate, state) in models.iter_mut().zip(states.chunks_exact_mut(self.width())) {
             let disturbance = &mut state[self.size..][..self.size];
             if let Some(innovation) = &estimate.innovation {
-                self.predictor.disturb(&(terms[0].inertia * innovation), disturbance);
+                self.predictor.disturb(&terms[0].force(innovation), disturbance);
             }
             estimate.disturbance = padded(disturbance);
         }

@@ -96,7 +96,7 @@ impl Predictor {
         let change = equations.solve(&net) * period;
         let mean = now.velocities + change * 0.5;
         now.velocities = (now.velocities + change).map(|x| x.clamp(-FASTEST, FASTEST));
-        now.error += (equations.jacobian * mean - (now.reference - now.acceleration * (before * period))) * period;
+        now.error += (equations.twist(&mean) - (now.reference - now.acceleration * (before * period))) * period;
         for k in 0..JOINTS {
             now.q[k] += mean[6 + k] * period;
         }
