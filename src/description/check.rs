@@ -16,7 +16,7 @@ const MAX_MAGNITUDE: f64 = 1e12;
 const MAX_POINTS: usize = 64;
 
 /// Names of bodies outside the list of links.
-pub const RESERVED: [&str; 3] = [super::VEHICLE, super::BASE, super::WORLD];
+pub const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
 
 /// A fault for a number that is not finite or exceeds [`MAX_MAGNITUDE`].
 pub fn magnitudes(root: &Value) -> Result<(), Fault> {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Joint, JointKind, MAX_JOINTS, Scene, check};
+use super::{Body, Joint, JointKind, MAX_JOINTS, Scene, WORLD, check};
 use crate::error::Problem;
 use crate::keys::{Fault, check_names, range};
 
@@ -46,7 +46,8 @@ impl Scene {
     /// Checks names, joints and inertia of the fixtures.
     pub(super) fn validate_fixtures(&self) -> Result<(), Fault> {
         let names = || self.fixtures.iter().map(|fixture| fixture.name.as_str());
-        check_names(names(), &check::RESERVED, "fixtures")?;
+        let [vehicle, base] = check::RESERVED;
+        check_names(names(), &[vehicle, base, WORLD], "fixtures")?;
         let links = self.arm.iter().flat_map(|arm| &arm.links);
         for link in links {
             if let Some(i) = names().position(|name| name == link.name) {

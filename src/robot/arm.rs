@@ -11,7 +11,7 @@ use super::servo::{BANDWIDTH, STOP, tune};
 use super::tree::Tree;
 use super::{RobotJoint, RobotJointKind};
 use crate::description::{
-    Arm, BASE, EndEffectorFrame, Frame, Friction, Joint, JointKind, JointLimits, Link, Mount, VEHICLE, WORLD,
+    Arm, BASE, EndEffectorFrame, Frame, Friction, Joint, JointKind, JointLimits, Link, Mount, VEHICLE,
 };
 
 impl Moving<'_> {
@@ -94,7 +94,7 @@ fn names(tree: &Tree, parts: &[Part]) -> Vec<String> {
     let mut names = vec![BASE.to_owned()];
     for part in &parts[1..] {
         let mut name = tree.robot.links[part.links[0].0].name.clone();
-        while [VEHICLE, WORLD].contains(&name.as_str()) || names.contains(&name) {
+        while name == VEHICLE || names.contains(&name) {
             name.push_str("-link");
         }
         names.push(name);
