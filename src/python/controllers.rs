@@ -210,6 +210,7 @@ impl Mlp {
         let result = PyDict::new(py);
         result.set_item("task", &spec.task)?;
         result.set_item("scene", &spec.scene)?;
+        result.set_item("end_effector", &spec.end_effector)?;
         result.set_item("action", spec.action.name())?;
         result.set_item("actions", spec.actions)?;
         result.set_item("control_period", spec.control_period)?;

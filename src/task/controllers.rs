@@ -15,7 +15,7 @@ use crate::control::{
     NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
     ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge, to_map,
 };
-use crate::description::VehicleServo;
+use crate::description::{Arm, DEFAULT_END_EFFECTOR, VehicleServo};
 use crate::error::TaskError;
 
 /// A controller and its gains, or the reason why it does not fit the task.
@@ -219,6 +219,7 @@ impl Task {
         PolicySpec {
             task: self.options().task.environment().into(),
             scene: self.scene().name.clone(),
+            end_effector: self.scene().arm.as_ref().map_or(DEFAULT_END_EFFECTOR, Arm::end_effector_name).to_owned(),
             action: self.options().action,
             actions: self.action_len(),
             control_period: self.period(),

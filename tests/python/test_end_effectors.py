@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym import NMPC, ResolvedMotion, SceneError, Simulator, load_scene
+from uvms_gym import MLP, NMPC, ResolvedMotion, SceneError, Simulator, load_scene
 
 #: Links of each arm.
 LINKS = 4
@@ -164,3 +165,22 @@ def test_planning_moves_the_chosen_end_effector(scene: dict[str, Any]) -> None:
         references={"end_effector": target},
     )
     assert np.linalg.norm(plan.end_effector[0, -1] - target) < 1e-2
+
+
+def test_a_policy_is_for_the_end_effector_of_its_training(scene: dict[str, Any], tmp_path: Path) -> None:
+    def policy(env: Any) -> MLP:
+        inputs, outputs = env.observation_space.shape[0], env.action_space.shape[0]
+        return MLP(env, weights=[np.zeros((outputs, inputs), np.float32)], biases=[np.zeros(outputs, np.float32)])
+
+    left, right = (gym.make("UVMS-EETrack-v0", scene=scene, end_effector=name) for name in ("left", "right"))
+    made, file = policy(left), tmp_path / "left.safetensors"
+    made.save(file)
+    assert made.spec is not None and made.spec["end_effector"] == "left"
+    assert MLP.load(file, left).spec == made.spec
+    with pytest.raises(ValueError, match="end effector is left, the environment's right"):
+        MLP.load(file, right)
+    # Files leave out the scene's own, and files without one are for it.
+    usual = policy(gym.make("UVMS-StationKeep-v0"))
+    usual.save(file)
+    assert usual.spec is not None and usual.spec["end_effector"] == "default"
+    assert b"end_effector" not in file.read_bytes() and MLP.load(file).spec == usual.spec

@@ -167,7 +167,10 @@ class MLP(Controller):
 
     @property
     def spec(self) -> dict[str, Any] | None:
-        """Task, scene, action, actions, control_period and observation of the policy's environment; None if unknown."""
+        """Environment of the policy; None if unknown.
+
+        Its keys are task, scene, end_effector, action, actions, control_period (s) and observation.
+        """
         return self.native.spec
 
     @property

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::ActionKind;
+use crate::description::DEFAULT_END_EFFECTOR;
 use crate::error::PolicyError;
 
 /// Environment of a policy.
@@ -13,6 +14,9 @@ pub struct PolicySpec {
     pub task: String,
     /// Name of the scene. An altered scene of the same name counts as the same.
     pub scene: String,
+    /// Name of the end effector in use; files of policies leave out the scene's own.
+    #[serde(default = "own_end_effector", skip_serializing_if = "is_own")]
+    pub end_effector: String,
     /// Meaning of the action.
     pub action: ActionKind,
     /// Entries of an action.
@@ -21,6 +25,14 @@ pub struct PolicySpec {
     pub control_period: f64,
     /// Name and number of entries of each block of an observation, in order.
     pub observation: Vec<(String, usize)>,
+}
+
+fn own_end_effector() -> String {
+    DEFAULT_END_EFFECTOR.to_owned()
+}
+
+fn is_own(end_effector: &str) -> bool {
+    end_effector == DEFAULT_END_EFFECTOR
 }
 
 impl PolicySpec {
@@ -42,6 +54,7 @@ impl PolicySpec {
         let pairs = [
             ("task", self.task.clone(), environment.task.clone()),
             ("scene", self.scene.clone(), environment.scene.clone()),
+            ("end effector", self.end_effector.clone(), environment.end_effector.clone()),
             ("action", self.action.name().into(), environment.action.name().into()),
             ("number of actions", self.actions.to_string(), environment.actions.to_string()),
             ("control period", period(self), period(environment)),

@@ -47,6 +47,7 @@ fn spec() -> PolicySpec {
     PolicySpec {
         task: "UVMS-StationKeep".into(),
         scene: "a scene".into(),
+        end_effector: "left".into(),
         action: ActionKind::Wrench,
         actions: 6,
         control_period: 0.05,
@@ -285,6 +286,7 @@ fn policies_for_something_else_are_refused_by_the_difference() {
             "task is UVMS-StationKeep, the environment's UVMS-EETrack",
         ),
         (PolicySpec { scene: "another".into(), ..spec() }, "scene is a scene, the environment's another"),
+        (PolicySpec { end_effector: "right".into(), ..spec() }, "end effector is left, the environment's right"),
         (PolicySpec { action: ActionKind::Thrusters, ..spec() }, "action is wrench, the environment's thrusters"),
         (PolicySpec { actions: 8, ..spec() }, "number of actions is 6, the environment's 8"),
         (PolicySpec { control_period: 0.1, ..spec() }, "control period is 0.050000000 s"),
