@@ -174,6 +174,24 @@ def test_parameters_start_at_one_and_stay_through_reset() -> None:
     assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
 
 
+def test_a_payload_on_an_inner_link_is_the_scenes_payload() -> None:
+    """An end effector on the second of four links: the payload of `scale_parameters` is a point mass there."""
+    scene = copy.deepcopy(load_scene("bluerov2-heavy-alpha5"))
+    arm, point = scene["arm"], {"mass": 1.5, "inertia": [1e-8] * 3}
+    arm["end_effector"] = {"on": arm["links"][1]["name"], "position": [0.05, 0.0, 0.1]}
+
+    def end(scene: dict[str, Any], payload: float) -> np.ndarray:
+        s = Simulator(scene)
+        s.scale_parameters(payload=payload)
+        s.set_state(twist=[[0.3, -0.2, 0.1, 0.2, 0.1, -0.3]], qd=[[0.3, -0.2, 0.4, 0.1]])
+        s.step(substeps=30)
+        return np.concatenate([s.position[0], s.twist[0], s.q[0], s.qd[0]])
+
+    laden = end({**scene, "payload": {"body": point}}, 0.0)
+    assert np.abs(end(scene, 1.5) - laden).max() < 2e-8
+    assert np.abs(end(scene, 0.0) - laden).max() > 0.1
+
+
 def test_weak_thrusters_give_less() -> None:
     full, weak = Simulator("bluerov2-heavy", 2), Simulator("bluerov2-heavy", 2)
     weak.scale_parameters(thrust=[1.0, 0.5])
