@@ -193,7 +193,16 @@ impl ArmModel {
                     gripper(mesh, from, tip, &attitude, r);
                 }
             }
+            if body == self.tip.body() {
+                self.mark(mesh, &points, tip, payload);
+            }
         }
+        starts.remove(0);
+        starts
+    }
+
+    /// Marks the end effector and draws its payload, with `payload` kg in addition to the scene's.
+    fn mark(&self, mesh: &mut Mesh, points: &[Vector], tip: Vector, payload: f64) {
         let r = 0.3 * self.tip_link.or((!self.links.is_empty()).then_some(0)).map_or(0.03, |k| self.links[k].radius);
         mesh.ellipsoid(tip, Vector::repeat(r), 12, |_| TIP);
         let load = self.payload + payload;
@@ -203,8 +212,6 @@ impl ArmModel {
             let ahead = from.map_or(-Vector::z(), |from| (tip - from).try_normalize(1e-6).unwrap_or(-Vector::z()));
             mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| PAYLOAD);
         }
-        starts.remove(0);
-        starts
     }
 
     /// The foot in the vehicle frame, then each link in its frame, with the distances between joints at `q`.

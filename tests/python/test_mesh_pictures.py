@@ -56,6 +56,10 @@ def drawn(scene: dict[str, Any], body: str = "vehicle") -> Floats:
     return np.asarray(vertices[triangles[~pink[triangles[:, 0]]]], dtype=np.float64)
 
 
+def count(scene: dict[str, Any], body: str) -> int:
+    return len(Renderer(scene).meshes()[body][3])
+
+
 def moved(triangles: Floats, pose: dict[str, Any]) -> Floats:
     return triangles @ matrices(from_rpy(np.array(pose["rpy"]))).T + pose["position"]
 
@@ -106,6 +110,15 @@ def test_val_links_of_a_tree_are_drawn_at_their_poses(tmp_path: Path) -> None:
     assert_same(drawn(scene)[-2 * len(own) :], np.concatenate([at, at]))
     picture = Renderer(scene).draw(np.zeros(3), np.eye(3))
     assert (picture != Renderer(scene).draw(np.zeros(3), np.eye(3), [0.0, 0.7])).any()
+
+
+def test_the_mark_of_the_end_effector_belongs_to_its_body() -> None:
+    joint = {"kind": "revolute", "axis": [0.0, 1.0, 0.0]}
+    links = [{"name": name, "joint": joint, "parent": "vehicle"} for name in ("left", "right")]
+    for name, marked in (("left", "link 1"), ("right", "link 2"), ("vehicle", "vehicle")):
+        scene = scene_with(links=links, end_effector={"on": name, "position": [0.0, 0.0, 0.5]})
+        found = {body for body in ("vehicle", "link 1", "link 2") if len(drawn(scene, body)) < count(scene, body)}
+        assert found == {marked}
 
 
 def test_axes_ned_hold_for_the_pose_and_not_for_the_file(tmp_path: Path) -> None:
