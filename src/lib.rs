@@ -27,6 +27,7 @@
 //! lie           SO(3), SE(3), dexp
 //! spatial       twists, wrenches, inertia
 //! hydro         damping, restoring, thrusters
+//! contact       contact of spheres with shapes: distances, law of the force
 //! keys          keys of scene files: short forms, checks, axes
 //! terms         further forces on the vehicle, one file each: fins, tether, damping by forward speed
 //! description   scenes as plain data: TOML, checks, warnings
@@ -49,6 +50,7 @@
 #![warn(missing_docs)]
 
 pub mod batch;
+pub mod contact;
 pub mod control;
 pub mod description;
 pub mod dynamics;

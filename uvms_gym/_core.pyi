@@ -314,13 +314,17 @@ class Simulator:
     def torque_influence(self) -> _Floats:
         """(N, 6 + n, n) L. [HC eq. 13]"""
     def body_wrenches(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
-        """(N, n + 1, 6) each: damping, restoring, flow, thrust, `vehicle_terms`, external, sum; N and N m."""
+        """(N, n + 1, 6) each: damping, restoring, flow, thrust, `vehicle_terms`, contact, external, sum; N and N m."""
     def joint_torques(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N, n) each: command, friction, end_stop, sum; N m or N."""
     def energy(self) -> dict[str, _Floats]:
-        """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""
+        """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, contact, fixtures, total; J."""
     def power(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
-        """(N,) each: damping, friction, end_stop, flow, thrust, `vehicle_terms`, external, joint_command, total; W."""
+        """(N,) each: damping, friction, end_stop, flow, thrust, `vehicle_terms`, contact, fixtures, external,
+        joint_command, total; W."""
+    def contacts(self) -> dict[str, _Floats]:
+        """Every sphere with every shape: depth, normal_force, slip (N, shapes, spheres); force, point,
+        normal (N, shapes, spheres, 3); m, N and m/s, world axes."""
     def momentum(self) -> _Floats:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, _Floats]:

@@ -197,7 +197,7 @@ impl Function<STATE, 6> for EffectorTwist<'_> {
     fn at<L: Lane<Real = f64>>(&self, x: &[L; STATE], scratch: &mut Scratch<L>) -> [L; 6] {
         let (q, twist, qd) = motion(x, VELOCITY);
         let mut twists = [twist; 1 + JOINTS];
-        link_twists(&self.0.system, twist, &q, &qd, scratch, &mut twists[1..]);
+        link_twists(&self.0.system, [twist, Vector6::zero()], &q, &qd, scratch, &mut twists[1..]);
         let (carrier, tip) = self.1.tip();
         tip.adjoint_apply_inverse(twists[carrier]).to_array()
     }

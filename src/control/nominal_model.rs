@@ -92,7 +92,8 @@ impl NominalModel {
         let count = scene.vehicle.thrusters.len();
         let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;
         let (end_effector, gravity) = (EndEffector::new(scene), scene.water.gravity.norm());
-        Self { system: compile(scene).system, end_effector, held: Vec::new(), gravity, lag }
+        // Contact and fixtures are unknown to controllers.
+        Self { system: compile(&scene.robot()).system, end_effector, held: Vec::new(), gravity, lag }
     }
 
     /// Number of joints.

@@ -9,7 +9,7 @@ use super::{BASE, Body, EndEffectorFrame, Frame, LinearActuator, MeshFile, VEHIC
 use crate::keys::numbers;
 
 /// An arm on the vehicle: a chain of links, or a tree.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
     /// Name of the arm, for people.
@@ -45,6 +45,11 @@ pub enum Parent {
 }
 
 impl Arm {
+    /// Body of this name.
+    pub fn named(&self, name: &str) -> Option<Parent> {
+        self.body(name, self.links.len())
+    }
+
     /// Body of this name among the base, the vehicle and the first `count` links.
     pub(super) fn body(&self, name: &str, count: usize) -> Option<Parent> {
         match name {

@@ -7,7 +7,7 @@ use super::{Body, Fin, ForwardDamping, MeshFile, Shape, Tether, ThrustMap};
 use crate::keys::numbers;
 
 /// Base body with its thrusters, fins and tether.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
     /// Name of the vehicle, for people.

@@ -24,7 +24,7 @@
 
 use std::hint::cold_path;
 
-use super::branches::{Branches, at_carrier, motion_at_carrier};
+use super::branches::{Branches, at_carrier, motion_at_carrier, rate_at_carrier};
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
 use super::link::{Drive, LinkScratch, add_joint_rate, joint_screws, with_zeros};
@@ -115,6 +115,8 @@ pub struct Instant<'a, L> {
     pub fixed_rate: Vector3<L>,
     /// Time of the servo targets, s.
     pub time: L,
+    /// Time since the start of the step, s: the velocity of the water is known at that start ([`Scratch::water`]).
+    pub elapsed: L,
 }
 
 /// Bias wrench `B V - restoring - damping` of one body, written to `bias`: a value that merges after a branch would go
@@ -167,7 +169,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         return;
     }
-    let Scratch { links, branches, .. } = scratch;
+    let Scratch { links, branches, contact, water, .. } = scratch;
     let links = &mut links[..joints.len()];
 
     if system.tree {
@@ -181,7 +183,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         for i in 0..joints.len() {
             if let Some(carrier) = joints[i].branch.carrier {
                 cold_path();
-                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+                (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
@@ -206,7 +208,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         for i in 0..joints.len() {
             if let Some(carrier) = joints[i].branch.carrier {
                 cold_path();
-                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+                (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
@@ -222,6 +224,12 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
             links[i].p = links[i].p - loads.links[i];
         }
     }
+    if system.contact.is_some() {
+        cold_path();
+        for i in 0..joints.len() {
+            links[i].p = links[i].p - contact.links[i];
+        }
+    }
 
     if system.sparse {
         inward::<_, _, _, true>(system, at, loads, links, branches, twist_rate);
@@ -233,7 +241,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     for i in 0..joints.len() {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
+            V_dot = rate_at_carrier(carrier, water, *twist_rate, links);
         }
         let (joint, link) = (&joints[i], &links[i]);
         V_dot = link.twist_from_parent(joint, V_dot);
@@ -358,11 +366,11 @@ fn vehicle_rate<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(at.wrench - (p + p_children))
 }
 
-/// Twist of each link in its joint's frame, m/s and rad/s, relative to the same medium as `twist` of the vehicle.
+/// Twist of each link in its joint's frame, m/s and rad/s, relative to the same medium as the twists of vehicle and world.
 #[inline(always)]
 pub fn link_twists<L: Lane, P: Param<L>, B>(
     system: &System<P, B>,
-    twist: Vector6<L>,
+    [twist, world]: [Vector6<L>; 2],
     q: &[L; JOINTS],
     qd: &[L; JOINTS],
     scratch: &mut Scratch<L>,
@@ -375,7 +383,7 @@ pub fn link_twists<L: Lane, P: Param<L>, B>(
     for i in 0..joints.len().min(twists.len()) {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            parent = at_carrier(carrier, twist, twists);
+            parent = at_carrier(carrier, world, twist, twists);
         }
         parent = add_joint_rate(&joints[i], links[i].twist_from_parent(&joints[i], parent), qd[i]);
         twists[i] = parent;

@@ -27,7 +27,7 @@ use super::link::{add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::{BodyTerms, Factors, JOINTS, JointScrew, JointTerms, System, UnscaledBodyTerms};
+use crate::system::{BodyTerms, Factors, JOINTS, JointScrew, JointTerms, System, UnscaledBodyTerms, WORLD};
 
 /// Accelerations `[V'; q'']`, or their cotangents.
 #[derive(Debug, Clone, Copy)]
@@ -68,9 +68,10 @@ impl<L: Lane> InstantCotangents<L> {
 /// Working memory: motion and sums of each link.
 #[derive(Debug, Clone)]
 pub struct AdjointScratch<L> {
-    scratch: Scratch<L>,
+    /// Working memory of the passes.
+    pub scratch: Scratch<L>,
     acceleration: [Vector6<L>; JOINTS],
-    dual: [Vector6<L>; JOINTS],
+    pub(super) dual: [Vector6<L>; JOINTS],
     mu: [L; JOINTS],
     force: [Vector6<L>; JOINTS],
     of_twist: [Vector6<L>; JOINTS],
@@ -125,13 +126,13 @@ fn effective_inertia<L: Lane, const IMPLICIT: bool>(
 
 /// Component along the joint.
 #[inline(always)]
-fn along<L: Lane>(joint: &JointTerms<L>, x: Vector6<L>) -> L {
+pub(super) fn along<L: Lane>(joint: &JointTerms<L>, x: Vector6<L>) -> L {
     if joint.is_prismatic() { x.linear.0[2] } else { x.angular.0[2] }
 }
 
 /// Derivative of `of . Ad^-1 x` by the joint coordinate: `of . (-ad_E Ad^-1 x)`.
 #[inline(always)]
-fn by_coordinate<L: Lane>(joint: &JointTerms<L>, of: Vector6<L>, x: Vector6<L>) -> L {
+pub(super) fn by_coordinate<L: Lane>(joint: &JointTerms<L>, of: Vector6<L>, x: Vector6<L>) -> L {
     let (f, w) = (of.linear.0, x.angular.0);
     if joint.is_prismatic() {
         return f[0].mul_add(w[1], -(f[1] * w[0]));
@@ -161,15 +162,15 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let (h, zero) = (step.h, L::zero());
     let joints = system.chain();
     let n = joints.len();
-    let Scratch { links, branches, .. } = &mut memory.scratch;
+    let Scratch { links, branches, contact, water, .. } = &mut memory.scratch;
     let links = &mut links[..n];
     joint_screws(joints, true, q, links);
     let (mut g, mut V, mut A) = (gravity, twist, accelerations.twist);
     for i in 0..n {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
-            A = at_carrier(carrier, accelerations.twist, &memory.acceleration);
+            (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
+            A = at_carrier(carrier, water.world_rate(), accelerations.twist, &memory.acceleration);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         A = link.twist_from_parent(joint, A);
@@ -230,7 +231,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     for i in 0..n {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            dual = at_carrier(carrier, base.dual, &memory.dual);
+            dual = at_carrier(carrier, Vector6::zero(), base.dual, &memory.dual);
         }
         let (joint, link) = (&joints[i], &links[i]);
         let at_link = link.twist_from_parent(joint, dual);
@@ -243,6 +244,10 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         if loads.on_links {
             memory.force[i] = of.force - loads.links[i];
             of_loads.links[i] = of_loads.links[i] + dual;
+        }
+        if system.contact.is_some() {
+            cold_path();
+            memory.force[i] = memory.force[i] - contact.links[i];
         }
         memory.of_twist[i] = of.of_twist;
         memory.of_acceleration[i] = of.of_acceleration;
@@ -308,7 +313,9 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         sums.of_gravity = link.wrench_to_parent(joint, Vector6 { linear: of_g, angular: Vector3::zero() }).linear;
         if let Some(carrier) = joint.branch.carrier {
             cold_path();
-            if let Some(k) = (carrier as usize).checked_sub(1)
+            if carrier == WORLD {
+                // The world's motion is given.
+            } else if let Some(k) = (carrier as usize).checked_sub(1)
                 && k < n
             {
                 memory.force[k] = memory.force[k] + sums.force;

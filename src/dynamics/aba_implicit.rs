@@ -18,7 +18,7 @@
 use std::hint::cold_path;
 
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
-use super::branches::motion_at_carrier;
+use super::branches::{motion_at_carrier, rate_at_carrier};
 use super::joint_torque::implicit_joint_torque;
 use super::link::{Drive, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param, unroll};
@@ -72,7 +72,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let Instant { gravity, twist, q, qd, wrench, fixed_rate, time, .. } = *at;
     let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
-    let Scratch { links, branches, .. } = scratch;
+    let Scratch { links, branches, contact, water, .. } = scratch;
     let links = &mut links[..joints.len()];
     if system.tree {
         cold_path();
@@ -83,7 +83,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     for i in 0..joints.len() {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+            (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         (g, V) = link.outward(joint, g, V, qd[i]);
@@ -97,6 +97,10 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         let (I, mut p) = effective(&joint.body, h, link.V, link.g);
         if loads.on_links {
             p = p - loads.links[i];
+        }
+        if system.contact.is_some() {
+            cold_path();
+            p = p - contact.links[i];
         }
         if joint.branch.forks {
             cold_path();
@@ -143,7 +147,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     for i in 0..joints.len() {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            (_, V_dot) = motion_at_carrier(carrier, (gravity, *twist_rate), links);
+            V_dot = rate_at_carrier(carrier, water, *twist_rate, links);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         V_dot = link.twist_from_parent(joint, V_dot) + with_zeros(link.c);

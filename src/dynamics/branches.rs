@@ -3,30 +3,50 @@
 #![allow(non_snake_case, reason = "twists carry their usual symbol")]
 
 use super::link::LinkScratch;
+use super::place::WaterFrame;
 use crate::lane::Lane;
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::{JOINTS, JointTerms};
+use crate::system::{JOINTS, JointTerms, WORLD};
 
-/// Entry of the body that carries a joint which branches off an earlier body: `vehicle` or the entry of that link.
+/// Entry of the body that carries a joint which does not start at the body before it: `world`, `vehicle` or the entry of that
+/// link.
 #[inline(always)]
-pub(super) fn at_carrier<T: Copy>(carrier: u8, vehicle: T, links: &[T]) -> T {
+pub(super) fn at_carrier<T: Copy>(carrier: u8, world: T, vehicle: T, links: &[T]) -> T {
     match (carrier as usize).checked_sub(1) {
         Some(k) if k < links.len() => links[k],
-        _ => vehicle,
+        None => vehicle,
+        _ => world,
     }
 }
 
-/// [`at_carrier`] of gravity and twist, from the links that carry branches.
+/// [`at_carrier`] of gravity and twist relative to the water, from the links that carry branches.
 #[inline(always)]
 pub(super) fn motion_at_carrier<L: Lane>(
     carrier: u8,
+    (water, elapsed): (&WaterFrame<L>, L),
     vehicle: (Vector3<L>, Vector6<L>),
     links: &[LinkScratch<L>],
 ) -> (Vector3<L>, Vector6<L>) {
     match (carrier as usize).checked_sub(1) {
         Some(k) if k < links.len() => (links[k].g, links[k].V),
-        _ => vehicle,
+        None => vehicle,
+        _ => (water.gravity, water.world_twist(elapsed)),
+    }
+}
+
+/// [`at_carrier`] of the rate of the twist, from the links that carry branches.
+#[inline(always)]
+pub(super) fn rate_at_carrier<L: Lane>(
+    carrier: u8,
+    water: &WaterFrame<L>,
+    vehicle: Vector6<L>,
+    links: &[LinkScratch<L>],
+) -> Vector6<L> {
+    match (carrier as usize).checked_sub(1) {
+        Some(k) if k < links.len() => links[k].V,
+        None => vehicle,
+        _ => water.world_rate(),
     }
 }
 
@@ -40,6 +60,7 @@ pub(super) fn add_to_carrier<L: Lane>(
 ) {
     let p = match (carrier as usize).checked_sub(1) {
         Some(k) if k < links.len() => &mut links[k].p,
+        Some(k) if k + 1 == WORLD as usize => return,
         _ => vehicle,
     };
     *p = *p + wrench;
@@ -71,7 +92,7 @@ impl<L: Lane> Branches<L> {
         }
     }
 
-    /// Moves inertia and bias wrench of a branch to the sum of its carrier, and leaves 0.
+    /// Moves inertia and bias wrench of a branch to the sum of its carrier, and leaves 0. The world takes them without an effect.
     #[inline(always)]
     pub fn add(&mut self, carrier: u8, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
         if let Some((sum, wrench)) = self.0.get_mut(carrier as usize) {

@@ -37,6 +37,8 @@ pub struct BodyWrenches {
     pub thrust: Vector6<f64>,
     /// Terms of the vehicle: fins, tether and others.
     pub terms: PerTerm<Vector6<f64>>,
+    /// Contacts.
+    pub contact: Vec<Vector6<f64>>,
     /// External wrenches.
     pub external: Vec<Vector6<f64>>,
     /// Sum of all the above.
@@ -80,6 +82,8 @@ pub struct ClosedForm<'a> {
     pub(super) q: DVector<f64>,
     pub(super) qd: DVector<f64>,
     pub(super) flow: Flow,
+    /// The fixtures, each as an arm on a fixed vehicle.
+    pub(super) fixtures: Vec<ClosedForm<'a>>,
 }
 
 impl ClosedForm<'_> {
@@ -120,7 +124,9 @@ impl ClosedForm<'_> {
         let external = filled("external wrench", loads.external, self.moving.len(), Vector6::zeros())?;
         let (damping, restoring, flow) = (self.damping(), self.restoring(), self.flow_acceleration());
         let thrust = Vector6::from_column_slice((&self.model.thruster_configuration * thrust).as_slice());
-        let mut sum: Vec<_> = (0..damping.len()).map(|k| damping[k] + restoring[k] + flow[k] + external[k]).collect();
+        let contact = self.contact_wrenches();
+        let sum = |k: usize| damping[k] + restoring[k] + flow[k] + contact[k] + external[k];
+        let mut sum: Vec<_> = (0..damping.len()).map(sum).collect();
         sum[0] += thrust;
         let deflections = match loads.fins {
             [] => self.model.vehicle.deflections(),
@@ -128,7 +134,7 @@ impl ClosedForm<'_> {
         };
         let terms = self.term_wrenches(&deflections);
         sum[0] += terms.into_array().iter().sum::<Vector6<f64>>();
-        Ok(BodyWrenches { damping, restoring, flow, thrust, terms, external, sum })
+        Ok(BodyWrenches { damping, restoring, flow, thrust, terms, contact, external, sum })
     }
 
     /// Wrenches of the vehicle's terms at deflections of the fins, N and N m.

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::closed_form::ClosedForm;
 use super::dense::{DenseBody, DensePose};
 use super::dynamical_balance::Composite;
+use super::surroundings::Surroundings;
 use crate::description::{Body, DEFAULT_END_EFFECTOR, EndEffectorFrame, Parent, Scene, Vehicle};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
@@ -28,6 +29,8 @@ pub struct ClosedFormModel {
     pub(super) end_effector: BodyFrame,
     /// End effectors by name.
     end_effectors: BTreeMap<String, BodyFrame>,
+    /// Spheres and shapes, where the scene has any.
+    pub(super) surroundings: Surroundings,
 }
 
 /// A body of [`ClosedFormModel::system`], and a frame on it, relative to the body's frame.
@@ -90,6 +93,7 @@ impl ClosedFormModel {
             gravity: scene.water.gravity,
             end_effector,
             end_effectors,
+            surroundings: Surroundings::new(scene)?,
         })
     }
 
@@ -120,6 +124,7 @@ impl ClosedFormModel {
             q: DVector::from_column_slice(&state.q[..n]),
             qd: DVector::from_column_slice(&state.qd[..n]),
             flow,
+            fixtures: self.surroundings.fixtures_at(&state.q[n..], &state.qd[n..], &flow),
         }
     }
 }

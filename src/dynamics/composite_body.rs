@@ -9,6 +9,7 @@
 use super::aba::{Scratch, body_bias};
 use super::branches::motion_at_carrier;
 use super::link::joint_screws;
+use super::place::WaterFrame;
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -58,7 +59,7 @@ impl<L: Lane> CompositeBody<L> {
         let (mut g, mut V) = (gravity, twist);
         for i in 0..joints.len() {
             if let (true, Some(carrier)) = (TREE, joints[i].branch.carrier) {
-                (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
+                (g, V) = motion_at_carrier(carrier, (&WaterFrame::still(), L::zero()), (gravity, twist), links);
             }
             let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
@@ -80,8 +81,9 @@ impl<L: Lane> CompositeBody<L> {
                 force: link.wrench_to_parent(joint, composite.force),
             };
             if let (true, Some(carrier)) = (TREE, joint.branch.carrier) {
-                let sum = &mut branches[carrier as usize % (JOINTS + 1)];
-                *sum = sum.plus(&composite);
+                if let Some(sum) = branches.get_mut(carrier as usize) {
+                    *sum = sum.plus(&composite);
+                }
                 composite = none;
             }
         }

@@ -22,12 +22,16 @@ pub struct Energy {
     pub potential: f64,
     /// Elastic energy of the end stops.
     pub elastic: f64,
+    /// Elastic energy of contacts.
+    pub contact: f64,
+    /// Energy of the fixtures, each with the sum of the above.
+    pub fixtures: f64,
 }
 
 impl Energy {
     /// Sum, J.
     pub fn total(&self) -> f64 {
-        self.kinetic_rigid + self.kinetic_added + self.potential + self.elastic
+        self.kinetic_rigid + self.kinetic_added + self.potential + self.elastic + self.contact + self.fixtures
     }
 }
 
@@ -46,6 +50,10 @@ pub struct Power {
     pub thrust: f64,
     /// Terms of the vehicle; the tether's weight included.
     pub terms: PerTerm<f64>,
+    /// Dissipation and friction of contacts.
+    pub contact: f64,
+    /// Friction, end stops, damping and flow of the fixtures.
+    pub fixtures: f64,
     /// External wrenches.
     pub external: f64,
     /// Actuators of the joints.
@@ -56,14 +64,22 @@ impl Power {
     /// Sum, W: the rate of [`Energy::total`] in still water.
     pub fn total(&self) -> f64 {
         let water = self.damping + self.terms.into_array().iter().sum::<f64>() + self.flow;
-        water + self.friction + self.end_stop + self.thrust + self.external + self.joint_command
+        let surroundings = self.contact + self.fixtures;
+        water + surroundings + self.friction + self.end_stop + self.thrust + self.external + self.joint_command
     }
 }
 
 impl ClosedForm<'_> {
     /// Energies, J.
     pub fn energy(&self) -> Energy {
-        let mut energy = Energy { kinetic_rigid: 0.0, kinetic_added: 0.0, potential: 0.0, elastic: 0.0 };
+        let mut energy = Energy {
+            kinetic_rigid: 0.0,
+            kinetic_added: 0.0,
+            potential: 0.0,
+            elastic: 0.0,
+            contact: self.contacts().iter().map(|contact| contact.energy).sum(),
+            fixtures: self.fixtures.iter().map(|fixture| fixture.energy().total()).sum(),
+        };
         for (k, motion) in self.equations.bodies.iter().enumerate() {
             let relative = self.relative_twist(k);
             energy.kinetic_rigid += 0.5 * motion.twist.dot(&(motion.body.rigid * motion.twist));
@@ -93,6 +109,8 @@ impl ClosedForm<'_> {
             flow: of_wrenches(&wrenches.flow),
             thrust: twists[0].dot(&wrenches.thrust),
             terms: wrenches.terms.map(|wrench| twists[0].dot(&wrench)),
+            contact: self.contacts().iter().map(|contact| contact.power).sum(),
+            fixtures: self.fixture_power()?,
             external: of_wrenches(&wrenches.external),
             joint_command: self.qd.dot(&torques.command),
         })

@@ -3,8 +3,10 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::aba::{ArmLoads, Instant, Scratch, accelerations};
-use crate::lane::{Shared, Unfused};
-use crate::lie::{self, Matrix3, Vector6};
+use super::contact::ContactWrenches;
+use super::place::WaterFrame;
+use crate::lane::{Lane, Shared, Unfused};
+use crate::lie::{self, Matrix3, Pose, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
 use crate::terms::{FINS, FinAxes, TermInstant};
 
@@ -105,16 +107,30 @@ fn accelerations_along(
     let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| dual(g, 0.0))));
     let mut surfaces = FinAxes::blank();
     surfaces.deflect(&system.terms.fins, &fins.map(|x| dual(x, 0.0)));
+    let wrench = six(&|k| number(wrench[k], Direction::Wrench(k)));
+    let mut scratch = Scratch::new();
+    scratch.water = WaterFrame {
+        velocity: vector(&flow.velocity),
+        acceleration: vector(&flow.acceleration),
+        gravity: lie::Vector3(system.gravity.map(|Shared(g)| dual(g, 0.0))) - vector(&flow.acceleration),
+    };
+    if system.contact.is_some() {
+        let position = lie::Vector3(std::array::from_fn(|k| dual(state.position[k], 0.0)));
+        let vehicle = scratch.water.place(&Pose { rotation, position }, zero, twist);
+        Dual::call(&mut ContactWrenches { system, is_start: true, vehicle, q: &q, qd: &qd, scratch: &mut scratch });
+    }
     let instant = Instant {
         is_start: true,
         gravity: gravity - pull,
         twist,
         q: &q,
         qd: &qd,
-        wrench: six(&|k| number(wrench[k], Direction::Wrench(k)))
+        wrench: wrench
+            + scratch.contact.vehicle
             + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces }),
         fixed_rate: lie::Vector3::zero() - pull,
         time: zero,
+        elapsed: zero,
     };
     let loads = ArmLoads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
@@ -124,7 +140,7 @@ fn accelerations_along(
         links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| dual(x, 0.0)))),
     };
     let (mut twist_rate, mut qdd) = (Vector6::zero(), [zero; JOINTS]);
-    accelerations(system, &instant, &loads, &mut Scratch::new(), &mut twist_rate, &mut qdd);
+    accelerations(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
     if !system.fixed {
         // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
         twist_rate.linear = twist_rate.linear - twist.angular.cross(water) + pull;

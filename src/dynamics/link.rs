@@ -8,6 +8,8 @@
 use std::hint::cold_path;
 
 use super::branches::Branches;
+use super::contact::ContactScratch;
+use super::place::WaterFrame;
 use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
@@ -55,6 +57,10 @@ pub struct Scratch<L> {
     pub(super) branches: Branches<L>,
     /// Rates of the twists of links that carry branches; inverse dynamics only.
     pub(super) rates: [Vector6<L>; JOINTS],
+    /// Wrenches of contacts; only scenes with contact use them.
+    pub contact: ContactScratch<L>,
+    /// The water, for the world.
+    pub water: WaterFrame<L>,
 }
 
 impl<L: Lane> Scratch<L> {
@@ -73,7 +79,8 @@ impl<L: Lane> Scratch<L> {
             p: none,
             u_over_D: zero,
         };
-        Self { links: [link; JOINTS], branches: Branches::new(), rates: [none; JOINTS] }
+        let (branches, contact, water) = (Branches::new(), ContactScratch::new(), WaterFrame::still());
+        Self { links: [link; JOINTS], branches, rates: [none; JOINTS], contact, water }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.
@@ -84,6 +91,7 @@ impl<L: Lane> Scratch<L> {
 }
 
 impl<L: Lane> Default for Scratch<L> {
+    #[inline(always)]
     fn default() -> Self {
         Self::new()
     }

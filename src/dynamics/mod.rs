@@ -4,11 +4,13 @@
 //! |---|---|---|
 //! | [`aba`] | articulated-body algorithm: forward dynamics in O(n), the form that steps | lanes, over `System` |
 //! | [`aba_implicit`] | the same for linearly implicit Euler | lanes, over `System` |
+//! | [`contact`], `contact_adjoint` | wrenches of contacts on vehicle and links | lanes, over `System` |
 //! | `composite_body` | composite inertia, momentum and outer forces of vehicle and arm | lanes, over `System` |
 //! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
 //! | `rnea` | recursive Newton-Euler algorithm: inverse dynamics in O(n) | lanes, over `System` |
 //! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
 //! | `closed_form_model` | composition of a scene's vehicle, arm and payload | dense f64 |
+//! | `surroundings` | contact and fixtures of the closed form | dense f64 |
 //! | `closed_form` | `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state, with its solve | dense f64 |
 //! | `fossen` | `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau` from the closed form | dense f64 |
 //! | `kinematics`, `inverse_dynamics`, `energy`, `momentum` | results of the closed form | dense f64 |
@@ -24,6 +26,8 @@ mod branches;
 mod closed_form;
 mod closed_form_model;
 mod composite_body;
+pub mod contact;
+pub mod contact_adjoint;
 pub mod dense;
 mod dynamical_balance;
 mod energy;
@@ -36,7 +40,9 @@ mod linearize;
 mod link;
 mod modes;
 mod momentum;
+pub mod place;
 mod rnea;
+mod surroundings;
 
 pub use closed_form::{BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
 pub use closed_form_model::{BodyFrame, ClosedFormModel};
@@ -50,3 +56,4 @@ pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
 pub use momentum::Momentum;
 pub use rnea::{JointMotion, inverse_dynamics};
+pub use surroundings::Contact;

@@ -12,6 +12,7 @@ use std::hint::cold_path;
 use super::aba::{Scratch, body_bias};
 use super::branches::{add_to_carrier, at_carrier, motion_at_carrier};
 use super::link::{add_joint_rate, joint_screws, with_zeros};
+use super::place::WaterFrame;
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
@@ -37,8 +38,8 @@ pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
     for i in 0..joints.len() {
         if let Some(carrier) = joints[i].branch.carrier {
             cold_path();
-            (g, V) = motion_at_carrier(carrier, (gravity, twist), links);
-            A = at_carrier(carrier, rate, rates);
+            (g, V) = motion_at_carrier(carrier, (&WaterFrame::still(), L::zero()), (gravity, twist), links);
+            A = at_carrier(carrier, Vector6::zero(), rate, rates);
         }
         let (joint, link) = (&joints[i], &mut links[i]);
         (g, V) = link.outward(joint, g, V, qd[i]);

@@ -19,6 +19,7 @@ use super::motion::Motion;
 use super::recorder::Recorder;
 use super::registry::Implicit;
 use super::step_estimates::StepEstimates;
+use super::sub_intervals::share_in_contact;
 use super::{Derivative, Rates};
 use crate::lane::{Lane, unroll};
 use crate::lie::{DexpInverse, Vector6, dexp_inverse_negative, rotate_back};
@@ -244,12 +245,16 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
     stages: &mut ImplicitStages<L, N>,
     recorder: &mut R,
 ) {
-    let Implicit { order, max_turn, bounce } = *method;
+    let Implicit { order, max_turn, max_contact, bounce } = *method;
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
     let limit = L::c(max_turn * max_turn);
     let h = L::splat(h);
     let (mut share, mut left) = (one, one);
+    if let Some(rate) = derivative.contact_rate(motion, h) {
+        cold_path();
+        share = share_in_contact(rate, max_contact);
+    }
     let mut begun = false;
     loop {
         let when = (h * share, h * (one - left));

@@ -1,5 +1,7 @@
 //! Division of a step into sub-intervals: one where that is enough, more for the lanes that need them.
 
+use std::hint::cold_path;
+
 use super::Derivative;
 use super::explicit::{Report, explicit, move_to_end};
 use super::motion::Motion;
@@ -12,6 +14,8 @@ use crate::lane::{Lane, Real};
 
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
 const MIN_SHARE: f64 = 1.0 / 1024.0;
+/// Most halvings of an interval for contacts.
+const MOST_HALVES: usize = 9;
 /// Most attempts of an adaptive method within an interval; a lane that needs more becomes NaN.
 const MOST_ATTEMPTS: u32 = 1 << 14;
 /// Maximum sub-interval that an adaptive method plans, as a fraction of the interval.
@@ -42,6 +46,10 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
     let (mut plan, mut left) = (one, one);
     if adaptive {
         plan = L::select(zero.lt(estimates.planned), estimates.planned, one);
+    }
+    if let (Some(rate), false) = (derivative.contact_rate(motion, h), adaptive) {
+        cold_path();
+        plan = share_in_contact(rate, method.max_contact);
     }
     let mut attempts = 0;
     loop {
@@ -102,6 +110,20 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
     if adaptive {
         estimates.planned = plan;
     }
+}
+
+/// Share of an interval, a power of 1/2, in which a contact of this rate times the interval's length has at most `limit` of it.
+#[inline(always)]
+pub(super) fn share_in_contact<L: Lane>(rate: L, limit: f64) -> L {
+    let (mut share, limit) = (L::c(1.0), L::c(limit));
+    for _ in 0..MOST_HALVES {
+        let beyond = limit.lt(rate * share);
+        if !L::any(beyond) {
+            break;
+        }
+        share = L::select(beyond, share * L::c(0.5), share);
+    }
+    share
 }
 
 /// Ratio of the next sub-interval to this one: `0.9 error^(-1/5)`, within bounds. (By roots: of the square, `error^(-3/32)`.)

@@ -34,7 +34,7 @@ impl Simulator {
         acceleration: &Bound<'py, PyAny>,
         inputs: Option<Keywords>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
-        let n = self.inner.joints();
+        let n = self.inner.robot_joints();
         let loads = self.loads(py, &StepInputs::read_some(&self.inner, inputs, &["thrust", "external"])?)?;
         let accelerations = self.finite_rows("acceleration", acceleration, 6 + n)?;
         let [wrench, torque] = self.each(py, [&[6], &[n]], |i, form| {
@@ -58,7 +58,7 @@ impl Simulator {
     ///     wrench: its thrust and residual are 0.
     fn trim<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let simulator = &self.inner;
-        let shapes: [&[usize]; 4] = [&[6], &[simulator.allocation().count()], &[simulator.joints()], &[6]];
+        let shapes: [&[usize]; 4] = [&[6], &[simulator.allocation().count()], &[simulator.robot_joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
             let effort = simulator.closed_form_model_of(i).trim(&simulator.state(i), simulator.flow(i))?;
             let needed = if simulator.scene().vehicle.fixed { Vector6::zeros() } else { effort.wrench };

@@ -1,6 +1,6 @@
 //! `uvms_gym.Simulator`: closed form, kinematics, energy and momentum at the present states.
 
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
@@ -12,7 +12,7 @@ use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::DensePose;
-use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
+use uvms_gym::dynamics::{BodyWrenches, ClosedForm, Contact};
 use uvms_gym::error::DynamicsError;
 use uvms_gym::terms::TERMS;
 
@@ -44,7 +44,7 @@ impl Simulator {
         f: impl Fn(&ClosedForm) -> Vec<f64> + Sync,
     ) -> PyResult<Array<'py>> {
         let this = shared(slf)?;
-        let [array] = this.each(slf.py(), [&shape(this.inner.joints())], |_, form| Ok([f(form)]))?;
+        let [array] = this.each(slf.py(), [&shape(this.inner.robot_joints())], |_, form| Ok([f(form)]))?;
         Ok(array)
     }
 
@@ -153,16 +153,17 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
     ///     damping, restoring (weight and buoyancy), flow (acceleration of the water: Froude-Krylov and added mass), thrust
-    ///     (thrust at this instant), fins, tether, forward_damping, external, and sum, the total F.
+    ///     (thrust at this instant), fins, tether, forward_damping, contact, external, and sum, the total F.
     #[pyo3(signature = (**inputs))]
     fn body_wrenches<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
-        let bodies = self.inner.joints() + 1;
-        const COUNT: usize = 6 + TERMS.len();
+        let bodies = self.inner.robot_joints() + 1;
+        const COUNT: usize = 7 + TERMS.len();
         let terms = TERMS.map(|(name, _)| name);
-        let names: [_; COUNT] = joined(["damping", "restoring", "flow", "thrust"], terms, ["external", "sum"]);
+        let before = ["damping", "restoring", "flow", "thrust"];
+        let names: [_; COUNT] = joined(before, terms, ["contact", "external", "sum"]);
         self.named(py, names, &[bodies, 6], |i, form| {
-            let BodyWrenches { damping, restoring, flow, thrust, terms, external, sum } =
+            let BodyWrenches { damping, restoring, flow, thrust, terms, contact, external, sum } =
                 form.body_wrenches(&loads[i].loads())?;
             let on_vehicle = |wrench: Vector6<f64>| {
                 let mut all = vec![Vector6::zeros(); bodies];
@@ -172,7 +173,7 @@ impl Simulator {
             let wrenches: [_; COUNT] = joined(
                 [damping, restoring, flow, on_vehicle(thrust)],
                 terms.map(on_vehicle).into_array(),
-                [external, sum],
+                [contact, external, sum],
             );
             Ok(wrenches.map(|wrench| stacked(&wrench)))
         })
@@ -190,7 +191,7 @@ impl Simulator {
     #[pyo3(signature = (**inputs))]
     fn joint_torques<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
-        self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.joints()], |i, form| {
+        self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.robot_joints()], |i, form| {
             let torques = form.joint_torques(&loads[i].loads())?;
             Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
         })
@@ -202,13 +203,15 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N,)
     ///     kinetic_rigid (bodies, by absolute twists, and rotors, by joint rates), kinetic_added (water set in motion, by
-    ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
+    ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), contact (elastic), fixtures (all of
+    ///     theirs), total.
     fn energy<'py>(slf: &Bound<'py, Self>) -> Arrays<'py> {
         let (this, py) = (shared(slf)?, slf.py());
-        let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "total"];
+        let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "contact", "fixtures", "total"];
         this.named(py, names, &[], |_, form| {
             let e = form.energy();
-            Ok([e.kinetic_rigid, e.kinetic_added, e.potential, e.elastic, e.total()].map(|x| vec![x]))
+            let parts = [e.kinetic_rigid, e.kinetic_added, e.potential, e.elastic, e.contact, e.fixtures, e.total()];
+            Ok(parts.map(|x| vec![x]))
         })
     }
 
@@ -220,20 +223,47 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N,)
     ///     damping (of the bodies), friction, end_stop (damping), flow (acceleration of the water), thrust, fins, tether (its
-    ///     weight included), forward_damping, external, joint_command, total.
+    ///     weight included), forward_damping, contact (dissipation and friction), fixtures (all of theirs), external,
+    ///     joint_command, total.
     #[pyo3(signature = (**inputs))]
     fn power<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
-        const COUNT: usize = 8 + TERMS.len();
-        let (before, after) =
-            (["damping", "friction", "end_stop", "flow", "thrust"], ["external", "joint_command", "total"]);
+        const COUNT: usize = 10 + TERMS.len();
+        let before = ["damping", "friction", "end_stop", "flow", "thrust"];
+        let after = ["contact", "fixtures", "external", "joint_command", "total"];
         let names: [_; COUNT] = joined(before, TERMS.map(|(name, _)| name), after);
         self.named(py, names, &[], |i, form| {
             let p = form.power(&loads[i].loads())?;
             let before = [p.damping, p.friction, p.end_stop, p.flow, p.thrust];
-            let powers: [_; COUNT] = joined(before, p.terms.into_array(), [p.external, p.joint_command, p.total()]);
+            let after = [p.contact, p.fixtures, p.external, p.joint_command, p.total()];
+            let powers: [_; COUNT] = joined(before, p.terms.into_array(), after);
             Ok(powers.map(|power| vec![power]))
         })
+    }
+
+    /// Contacts of every sphere with every shape (S spheres, H shapes), world axes.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray
+    ///     depth (N, H, S): penetration, m, negative where they are apart; normal_force (N, H, S), N; slip (N, H, S): speed of
+    ///     sliding, m/s; force (N, H, S, 3): on the sphere, N; point (N, H, S, 3): where it acts, m; normal (N, H, S, 3):
+    ///     outward normal of the shape.
+    fn contacts<'py>(slf: &Bound<'py, Self>) -> Arrays<'py> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let contact = this.inner.scene().contact.as_ref();
+        let (shapes, spheres) = contact.map_or((0, 0), |contact| (contact.shapes.len(), contact.spheres.len()));
+        let (one, three): (&[usize], &[usize]) = (&[shapes, spheres], &[shapes, spheres, 3]);
+        let names = ["depth", "normal_force", "slip", "force", "point", "normal"];
+        let arrays = this.each(py, [one, one, one, three, three, three], |_, form| {
+            let contacts = form.contacts();
+            let numbers = |f: fn(&Contact) -> f64| contacts.iter().map(f).collect();
+            let vectors =
+                |f: fn(&Contact) -> Vector3<f64>| contacts.iter().flat_map(|c| <[f64; 3]>::from(f(c))).collect();
+            let [depth, force, slip] = [numbers(|c| c.depth), numbers(|c| c.normal_force), numbers(|c| c.slip)];
+            Ok([depth, force, slip, vectors(|c| c.force), vectors(|c| c.point), vectors(|c| c.normal)])
+        })?;
+        dict(py, names, arrays)
     }
 
     /// Total momentum [linear; angular] of the bodies and impulse of the water, in world axes about the world origin,
@@ -318,7 +348,7 @@ impl Simulator {
         let rows = |_, form: &ClosedForm| {
             Ok([form.jacobian_of(form.model.end_effector(name)?).transpose().as_slice().to_vec()])
         };
-        self.each(py, [&[6, 6 + self.inner.joints()]], rows).map(|[array]| array)
+        self.each(py, [&[6, 6 + self.inner.robot_joints()]], rows).map(|[array]| array)
     }
 
     /// Equations of motion in Fossen's form, `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau`. [F21 sections 6.3, 10.3]
@@ -359,7 +389,7 @@ impl Simulator {
             "ned" => true,
             _ => return Err(PyValueError::new_err(format!("axes is {axes:?}, but must be \"flu\" or \"ned\""))),
         };
-        let width = 6 + self.inner.joints();
+        let width = 6 + self.inner.robot_joints();
         let mut given = nu.map(|nu| self.finite_rows("nu", nu, width)).transpose()?;
         if let (Some(given), true) = (&mut given, ned) {
             given.chunks_exact_mut(width).for_each(|row| [1, 2, 4, 5].into_iter().for_each(|k| row[k] = -row[k]));

@@ -267,7 +267,7 @@ impl Simulator {
     /// list of str: names of the joints, in the order of every joint array.
     #[getter]
     fn joint_names(&self) -> Vec<String> {
-        self.inner.scene().joint_names()
+        self.inner.scene().coordinate_names()
     }
 
     /// list of str: names of the moving bodies, "vehicle" first, then one per joint.

@@ -1,9 +1,10 @@
 //! Compilation of a scene to the constants of the kernel.
 
 use super::bodies::{Part, merged};
+use super::contact::contact_terms;
 use super::factors::UnscaledBodyTerms;
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, placed, pose, tidy, vector};
-use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
+use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo, WORLD};
 use super::propulsion::thrusters;
 use crate::description::{EndEffectorFrame, Joint, LinearActuator, Parent, Scene, Vehicle};
 use crate::lane::Shared;
@@ -94,6 +95,15 @@ pub fn compile(scene: &Scene) -> Compiled {
         parts.push(Part::of(&payload.body, grip.of(pose(&payload.frame)), water));
     }
 
+    // Fixtures: their frames at q = 0 are in the world.
+    let robot = moving.len();
+    for fixture in &scene.fixtures {
+        zero_poses.push(pose(&fixture.joint.frame));
+        carriers.push(None);
+        let part = fixture.body.iter().map(|body| Part::of(body, Pose::identity(), water)).collect();
+        moving.push((&fixture.joint, part));
+    }
+
     let lines: Vec<Line> = moving
         .iter()
         .zip(&zero_poses)
@@ -120,11 +130,15 @@ pub fn compile(scene: &Scene) -> Compiled {
             let prismatic = joint.slides();
             let (body, of_body) = merged(parts, link);
             unscaled.push(of_body.map(Shared));
-            let before = carriers[i] == i.checked_sub(1);
+            let before = carriers[i] == i.checked_sub(1) && i < robot;
             let branches = (0..carriers.len()).any(|k| k != i + 1 && carriers[k] == Some(i));
             JointTerms {
                 branch: Branch {
-                    carrier: (!before).then(|| carriers[i].map_or(0, |k| k as u8 + 1)),
+                    carrier: if i >= robot {
+                        Some(WORLD)
+                    } else {
+                        (!before).then(|| carriers[i].map_or(0, |k| k as u8 + 1))
+                    },
                     forks: branches || (tip_carrier == Some(i) && i + 1 < carriers.len()),
                 },
                 placement: frame.placement,
@@ -146,6 +160,21 @@ pub fn compile(scene: &Scene) -> Compiled {
             }
         })
         .collect();
+    let in_joint = |place: &Place| match (place.joint, place.frame) {
+        (Some(k), None) => (k + 1, links[k]),
+        (Some(k), Some(frame)) => (k + 1, links[k].times(&frame)),
+        (None, frame) => (0, frame.unwrap_or_else(Pose::identity)),
+    };
+    let robot_body = |name: &str| match scene.arm.as_ref().and_then(|arm| arm.named(name)) {
+        Some(Parent::Base) => in_joint(&places[0]),
+        Some(Parent::Link(k)) => in_joint(&places[1 + k]),
+        Some(Parent::Vehicle) | None => (0, Pose::identity()),
+    };
+    let fixture = |name: &str| match scene.fixtures.iter().position(|fixture| fixture.name == name) {
+        Some(k) => (robot + k + 1, links[robot + k]),
+        None => (0, Pose::identity()),
+    };
+    let contact = contact_terms(scene, &vehicle, &joints, robot_body, fixture);
     let sparse =
         unscaled.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
@@ -161,14 +190,10 @@ pub fn compile(scene: &Scene) -> Compiled {
         vehicle_servo: vehicle_servo(&scene.vehicle),
         thrusters: thrusters(&scene.vehicle),
         terms: scene.vehicle.terms(water),
+        contact,
     };
     let payload_attachment = tidy(&tip_carrier.map_or(tip, |k| links[k].times(&tip))).position.0;
     let tip = tip_carrier.map_or(exact_tip, |k| links[k].times(&exact_tip));
-    let in_joint = |place: &Place| match (place.joint, place.frame) {
-        (Some(k), None) => (k + 1, links[k]),
-        (Some(k), Some(frame)) => (k + 1, links[k].times(&frame)),
-        (None, frame) => (0, frame.unwrap_or_else(Pose::identity)),
-    };
     let frames = places.iter().map(in_joint).collect();
     Compiled { system: system.map(Shared), links, frames, tip, payload_attachment, unscaled }
 }

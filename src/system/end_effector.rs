@@ -117,20 +117,7 @@ impl<P: Copy> EndEffector<P> {
                 JointScrew::Prismatic { sin, cos } => screw_z(sin.get(), cos.get(), Some(coordinate)),
             };
             to_parent(&screw, pose);
-            match joint.placement {
-                JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), pose),
-                JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                    to_parent(&screw_x(bend, a), pose);
-                    to_parent(&constant_screw_z(turn, d), pose);
-                }
-                JointPlacement::General(rotation, position) => {
-                    let placement = Pose::of(&rotation, &position);
-                    for k in 0..3 {
-                        pose.rotation.0[k] = placement.rotation.apply(Vector3(pose.rotation.0[k])).0;
-                    }
-                    pose.position = placement.rotation.apply(pose.position) + placement.position;
-                }
-            }
+            joint.placement.pose_to_parent(pose);
         }
         pose.rotation = pose.rotation.transposed();
     }
@@ -152,9 +139,36 @@ impl<P: Param<L>, L: Lane> Routine<L> for ForwardKinematics<'_, P, L> {
     }
 }
 
+impl<P: Copy> JointPlacement<P> {
+    /// Transforms a pose, its rotation stored by columns, from the joint's frame at zero to the parent's.
+    #[inline(always)]
+    pub fn pose_to_parent<L: Lane>(&self, pose: &mut Pose<L>)
+    where
+        P: Param<L>,
+    {
+        match *self {
+            JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), pose),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
+                to_parent(&screw_x(bend, a), pose);
+                to_parent(&constant_screw_z(turn, d), pose);
+            }
+            JointPlacement::General(rotation, position) => {
+                let placement = Pose::of(&rotation, &position);
+                for k in 0..3 {
+                    pose.rotation.0[k] = placement.rotation.apply(Vector3(pose.rotation.0[k])).0;
+                }
+                pose.position = placement.rotation.apply(pose.position) + placement.position;
+            }
+        }
+    }
+}
+
 /// Transforms a pose, its rotation stored by columns, from the child frame to the parent frame.
 #[inline(always)]
-fn to_parent<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(screw: &Screw<T, S, ALONG>, pose: &mut Pose<L>) {
+pub fn to_parent<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(
+    screw: &Screw<T, S, ALONG>,
+    pose: &mut Pose<L>,
+) {
     for k in 0..3 {
         pose.rotation.0[k] = screw.rotate(Vector3(pose.rotation.0[k])).0;
     }

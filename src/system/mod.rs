@@ -3,6 +3,7 @@
 mod attitude;
 mod bodies;
 mod compile;
+mod contact;
 mod damping;
 mod end_effector;
 mod factors;
@@ -21,7 +22,7 @@ pub use end_effector::EndEffector;
 pub use factors::UnscaledBodyTerms;
 pub use instance_system::InstanceSystem;
 pub use model::{
-    Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo,
+    Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo, WORLD,
 };
 pub use state::{Flow, JOINTS, Joints, State};
 pub use structure::structural_difference;

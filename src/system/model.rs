@@ -1,6 +1,7 @@
 //! Constants of a compiled scene, in the joint frames of the kernel.
 
 use super::JOINTS;
+use crate::contact::ContactTerms;
 use crate::hydro::{CentralFrameTerms, Damping, FrameRotation, Restoring, Thruster};
 use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, no_numbers, numbers, sin_cos};
 use crate::spatial::{LinkTwist, PointMass, SpatialInertia};
@@ -39,6 +40,8 @@ numbers! {
         pub thrusters: Vec<Thruster<P>>,
         /// Further forces on the vehicle.
         pub terms: VehicleTerms<P>,
+        /// Contact.
+        pub contact: Option<ContactTerms<P>>,
     }
 }
 
@@ -90,10 +93,13 @@ numbers! {
     }
 }
 
+/// Carrier of a joint that starts in the world.
+pub const WORLD: u8 = u8::MAX;
+
 /// Place of a joint in the tree. In a serial chain every joint starts at the body before it, and nothing branches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Branch {
-    /// Carrier of the joint where it is not the body before it: 0 for the vehicle, k + 1 for the link of joint k.
+    /// Carrier of the joint where it is not the body before it: 0 for the vehicle, k + 1 for the link of joint k, [`WORLD`].
     pub carrier: Option<u8>,
     /// True if a later joint branches off this link, or the payload is on it and it is not the last.
     pub forks: bool,
@@ -246,7 +252,7 @@ impl<B> BodyTerms<B> {
 }
 
 impl<P, B> JointTerms<P, B> {
-    /// Body that carries this joint of this index: 0 for the vehicle, k + 1 for the link of joint k.
+    /// Body that carries this joint of this index: 0 for the vehicle, k + 1 for the link of joint k; [`WORLD`].
     #[inline(always)]
     pub fn carrier(&self, index: usize) -> usize {
         self.branch.carrier.map_or(index, |carrier| carrier as usize)

@@ -45,6 +45,7 @@ pub fn structural_difference(one: &Compiled, other: &Compiled, joints: &[String]
     let entries = "whether it is there, or which of its numbers are 0 or absent";
     let whole_scene = [
         ("vehicle.servo", a.vehicle_servo != b.vehicle_servo, entries),
+        ("contact", a.contact != b.contact, "which spheres and shapes there are, and on which bodies"),
         ("vehicle.thrusters", a.thrusters != b.thrusters, entries),
         ("inertia, added_mass", a.sparse != b.sparse, "which products are 0"),
         (

@@ -4,6 +4,7 @@ mod absent_terms;
 mod appendages;
 mod batch;
 mod cases;
+mod contact;
 mod control;
 mod description;
 mod double_double;

@@ -282,7 +282,7 @@ pub fn random_state(seed: u64, scene: &Scene) -> State {
     if !scene.vehicle.fixed {
         state.twist = twist;
     }
-    for (i, joint) in scene.joints().enumerate() {
+    for (i, joint) in scene.coordinates().enumerate() {
         state.q[i] = joint.home + random.between(-1.0, 1.0);
         state.qd[i] = random.between(-0.5, 0.5);
     }

@@ -16,7 +16,7 @@ use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{Linearization, Loads, Modes, Servos, linearize};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
-use crate::system::{Compiled, JOINTS, Joints, State};
+use crate::system::{Compiled, JOINTS, Joints, State, System};
 
 /// Number of configurations of the arm in addition to home.
 const SPREAD: usize = 8;
@@ -118,9 +118,10 @@ struct SampleModes {
 
 impl ModalAnalysis {
     fn new(scene: &Scene, compiled: &Compiled, speeds: &[f64; 6]) -> Self {
-        let joints: Vec<&Joint> = scene.joints().collect();
-        let joint_names = scene.joint_names();
-        let system = &compiled.system;
+        let joints: Vec<&Joint> = scene.coordinates().collect();
+        let joint_names = scene.coordinate_names();
+        // Contacts have sub-intervals of their own.
+        let system = &System { contact: None, ..compiled.system.clone() };
         let fixed = scene.vehicle.fixed;
         // `twist` through the water.
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {

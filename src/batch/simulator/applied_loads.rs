@@ -9,6 +9,7 @@ use crate::batch::storage::inputs::{CheckedInputs, Inputs, InstanceLoads};
 use crate::description::Joint;
 use crate::dynamics::Loads;
 use crate::dynamics::dense::actuator_torque;
+use crate::dynamics::place::Place;
 use crate::error::SimulatorError;
 use crate::hydro::{ThrusterDynamics, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};
@@ -74,7 +75,7 @@ impl Simulator {
         if active.station {
             vehicle += station_wrench(&compiled, &state, &given);
         }
-        let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
+        let links = given.links[..self.robot_joints()].iter().map(|&wrench| wrench.into());
         let torque = |(k, joint): (usize, &Joint)| {
             if joint.prescribed {
                 return 0.0;
@@ -125,8 +126,7 @@ fn station_wrench(compiled: &Compiled, state: &State, given: &InstanceLoads) -> 
         position: Vector3((*position).into()),
     };
     let (rotation, position) = &given.station;
-    let station =
-        StationServo { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
-    let here = pose(&state.rotation, &state.position);
-    station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
+    let station = StationServo { target: pose(rotation, position) };
+    let twist = lie::Vector6::from_array(state.twist.into());
+    station.wrench(gains, &Place { pose: pose(&state.rotation, &state.position), twist }).to_array().into()
 }

@@ -188,9 +188,14 @@ impl Simulator {
         self.options.instances
     }
 
-    /// Number of joints.
+    /// Number of joints, fixtures included.
     pub fn joints(&self) -> usize {
         self.compiled.links.len()
+    }
+
+    /// Number of the robot's joints: the first ones.
+    pub fn robot_joints(&self) -> usize {
+        self.compiled.links.len() - self.scene().fixtures.len()
     }
 
     /// Thruster allocation of [`Self::scene`].

@@ -3,6 +3,8 @@
 use super::step::{Step, shift_twist};
 use crate::batch::storage::own_numbers::LoadNumbers;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
+use crate::dynamics::contact::ContactWrenches;
+use crate::dynamics::place::WaterFrame;
 use crate::hydro::{ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
 use crate::lane::{Kernel, Lane, Real, Rows, get_all};
@@ -53,8 +55,10 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let acceleration = columns.vector(layout.acceleration);
+                scratch.water = WaterFrame { velocity: current, acceleration, gravity: system_gravity - acceleration };
                 let pull = rotation.apply_transposed(acceleration);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let vehicle = scratch.water.place(&motion.pose, L::zero(), twist);
                 let mut wrench = columns.six(layout.wrench);
                 if !system.thrusters.is_empty() {
                     columns.propulsion(layout, &system.thrusters, T::from_f64(1.0), &mut propulsion);
@@ -68,7 +72,12 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 if let (true, Some(gains)) = (active.station, &system.vehicle_servo) {
                     let station = columns.station(layout);
-                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                    wrench = wrench + station.wrench(gains, &vehicle);
+                }
+                if system.contact.is_some() {
+                    let (is_start, q, qd, scratch) = (true, &motion.q, &motion.qd, &mut scratch);
+                    L::call(&mut ContactWrenches { system, is_start, vehicle, q, qd, scratch });
+                    wrench = wrench + scratch.contact.vehicle;
                 }
                 let instant = Instant {
                     is_start: true,
@@ -79,6 +88,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench,
                     fixed_rate: Vector3::zero() - pull,
                     time: L::zero(),
+                    elapsed: L::zero(),
                 };
                 accelerations(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]

@@ -6,9 +6,11 @@ use super::joint_coordinates::JointSums;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
+use crate::dynamics::contact::{ContactRate, ContactWrenches};
 use crate::dynamics::lost_bounce;
+use crate::dynamics::place::Place;
 use crate::hydro::{ThrustProfile, ThrustProfiles};
-use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
+use crate::integrate::{Derivative, LinearlyImplicit, Motion, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, Rows, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
@@ -19,10 +21,6 @@ use crate::terms::{FinAxes, TermInstant};
 pub struct StationServo<L> {
     /// Target pose in the world, m.
     pub target: Pose<L>,
-    /// Water velocity at the step's start in world axes, m/s: poses within a step are relative to the water.
-    pub current: Vector3<L>,
-    /// Acceleration of the water in world axes, m/s^2.
-    pub acceleration: Vector3<L>,
 }
 
 impl<L: Lane> StationServo<L> {
@@ -30,21 +28,13 @@ impl<L: Lane> StationServo<L> {
     /// absolute twist V. This attitude error, "vee", is the sine of the angle about its axis; the controller
     /// [`crate::control::Pd`] uses "log", the angle.
     #[inline(always)]
-    pub fn wrench<P: Param<L>>(
-        &self,
-        gains: &VehicleServo<P>,
-        pose: &Pose<L>,
-        elapsed: L,
-        twist: Vector6<L>,
-    ) -> Vector6<L> {
-        let r = &pose.rotation;
-        let half = self.acceleration.scale_add(elapsed * L::c(0.5), self.current);
-        let offset = half.scale_add(elapsed, pose.position) - self.target.position;
+    pub fn wrench<P: Param<L>>(&self, gains: &VehicleServo<P>, place: &Place<L>) -> Vector6<L> {
+        let r = &place.pose.rotation;
+        let offset = place.pose.position - self.target.position;
         let e = self.target.rotation.transposed().times(r).0;
         let turn = Vector3([e[2][1] - e[1][2], e[0][2] - e[2][0], e[1][0] - e[0][1]]).scale(L::c(0.5));
         let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
-        let linear = twist.linear + r.apply_transposed(self.acceleration.scale_add(elapsed, self.current));
-        let rate = Vector6 { linear, angular: twist.angular }.to_array();
+        let rate = place.twist.to_array();
         let mut wrench = [L::zero(); 6];
         unroll!(i in 0 1 2 3 4 5 => {
             wrench[i] = gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]));
@@ -59,10 +49,6 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub system: &'a System<P>,
     /// Loads on joints and links.
     pub loads: &'a mut ArmLoads<L>,
-    /// Gravity minus the acceleration of the water in world axes, m/s^2.
-    pub gravity: Vector3<L>,
-    /// Acceleration of the water in world axes, m/s^2.
-    pub acceleration: Vector3<L>,
     /// Wrench on the vehicle in body axes at the start of a step, N and N m.
     pub wrench: Vector6<L>,
     /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
@@ -82,14 +68,6 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
 }
 
 impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
-    /// Sets the water's velocity at the start of the next step.
-    #[inline(always)]
-    pub fn set_current(&mut self, current: Vector3<L>) {
-        if let Some(station) = &mut self.station {
-            station.current = current;
-        }
-    }
-
     /// The system, loaded anew at each stage: otherwise the compiler broadcasts all of it onto the stack beforehand.
     #[inline(always)]
     fn reload_system(&self) -> &'a System<P> {
@@ -105,8 +83,9 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
     ) -> Instant<'b, L> {
-        let gravity = at.to_body(self.gravity);
-        let fixed_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
+        let water = &self.scratch.water;
+        let gravity = at.to_body(water.gravity);
+        let fixed_rate = if system.fixed { at.to_body(water.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let Some((course, rate)) = &self.thrust {
             wrench = wrench + course.change(elapsed * *rate);
@@ -116,14 +95,35 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
             wrench = wrench + courses.wrench(&system.thrusters, elapsed * *rate, twist);
         }
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
-            wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
+            wrench = wrench + station.wrench(gains, &water.place(&at.pose(), elapsed, twist));
         }
         if system.terms.any() {
-            let gravity = gravity + at.to_body(self.acceleration);
+            let gravity = gravity + at.to_body(water.acceleration);
             wrench = wrench + system.terms.wrench(&TermInstant { twist, gravity, fins: self.surfaces });
         }
+        if system.contact.is_some() {
+            cold_path();
+            wrench = wrench + self.scratch.contact.vehicle;
+        }
         let (is_start, time) = (at.is_start(), self.time + elapsed);
-        Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time }
+        Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed }
+    }
+
+    /// Wrenches of contacts at a stage, left in the scratch memory. Implicit steps are each the start of a step.
+    #[inline(always)]
+    fn touch(
+        &mut self,
+        system: &System<P>,
+        at: &impl StagePose<L>,
+        (elapsed, is_start): (L, bool),
+        (twist, q, qd): (Vector6<L>, &[L; JOINTS], &[L; JOINTS]),
+    ) {
+        if system.contact.is_some() {
+            cold_path();
+            let vehicle = self.scratch.water.place(&at.pose(), elapsed, twist);
+            let scratch = &mut *self.scratch;
+            L::call(&mut ContactWrenches { system, is_start, vehicle, q, qd, scratch });
+        }
     }
 }
 
@@ -132,7 +132,7 @@ impl<T: Real> Rows<'_, T> {
     #[inline(always)]
     pub fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> StationServo<L> {
         let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        StationServo { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
+        StationServo { target }
     }
 }
 
@@ -140,6 +140,20 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
     #[inline(always)]
     fn joints(&self) -> usize {
         self.system.chain().len()
+    }
+
+    #[inline(always)]
+    fn contact_rate(&mut self, motion: &Motion<L, JOINTS>, h: L) -> Option<L> {
+        let system = self.system;
+        system.contact.as_ref()?;
+        cold_path();
+        let mut sums = [L::zero(); JOINTS];
+        let q = self.joints.coordinates(&motion.q, system.chain().len(), &mut sums);
+        let vehicle = self.scratch.water.place(&motion.pose, L::zero(), motion.twist);
+        let at = ContactWrenches { system, is_start: true, vehicle, q, qd: &motion.qd, scratch: &mut *self.scratch };
+        let mut rate = ContactRate { at, h, rate: L::zero() };
+        L::call(&mut rate);
+        Some(rate.rate)
     }
 
     #[inline(always)]
@@ -155,6 +169,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let system = self.reload_system();
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
+        self.touch(system, at, (elapsed, at.is_start()), (twist, q, qd));
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
@@ -174,6 +189,7 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         let system = self.reload_system();
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
+        self.touch(system, at, (elapsed, true), (twist, q, qd));
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;

@@ -4,6 +4,8 @@ use super::equations_of_motion::{EquationsOfMotion, StationServo};
 use crate::dynamics::aba::{ArmLoads, Instant};
 use crate::dynamics::aba_adjoint::{Accelerations, AdjointScratch, InstantCotangents, accelerations_adjoint};
 use crate::dynamics::aba_implicit::Ahead;
+use crate::dynamics::contact::ContactWrenches;
+use crate::dynamics::contact_adjoint::ContactAdjoint;
 use crate::hydro::{CourseCotangents, ThrustCotangents};
 use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StagePoint};
 use crate::lane::{Lane, Routine, unroll};
@@ -73,14 +75,12 @@ impl<L: Lane> StationServo<L> {
         &self,
         gains: &VehicleServo<L>,
         pose: &Pose<L>,
-        elapsed: L,
+        water: Vector3<L>,
         of: Vector6<L>,
         of_target: &mut PlaceCotangents<L>,
     ) -> (PlaceCotangents<L>, Vector6<L>) {
         let r = &pose.rotation;
-        let half = self.acceleration.scale_add(elapsed * L::c(0.5), self.current);
-        let offset = r.apply_transposed(half.scale_add(elapsed, pose.position) - self.target.position);
-        let water = r.apply_transposed(self.acceleration.scale_add(elapsed, self.current));
+        let offset = r.apply_transposed(pose.position - self.target.position);
         let (of, mut of_error, mut of_rate) = (of.to_array(), [L::zero(); 6], [L::zero(); 6]);
         unroll!(i in 0 1 2 3 4 5 => {
             of_error[i] = -(gains.kp[i] * of[i]);
@@ -171,10 +171,23 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let system = self.equations.system;
         let StagePoint { start, theta, twist, q, qd } = *at;
         let elapsed = if let Some(h) = size { begin + h } else { begin };
-        let gravity = to_body(start, theta, self.equations.gravity);
+        let water = self.equations.scratch.water;
+        let gravity = to_body(start, theta, water.gravity);
         let time = self.equations.time + elapsed;
         let (none, fixed_rate) = (Vector6::zero(), Vector3::zero());
-        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time };
+        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time, elapsed };
+        let vehicle = if system.contact.is_some() || self.equations.station.is_some() {
+            let pose = start.times(&exp_se3(theta));
+            // Contacts act at the start of an implicit step, the servo at its end.
+            Some((water.place(&pose, elapsed, twist), water.place(&pose, begin, twist)))
+        } else {
+            None
+        };
+        self.scratch.scratch.water = water;
+        if let (Some((_, vehicle)), true) = (vehicle, system.contact.is_some()) {
+            let scratch = &mut self.scratch.scratch;
+            L::call(&mut ContactWrenches { system, is_start: true, vehicle, q, qd, scratch });
+        }
         if let Some(h) = size {
             let step = Ahead { h, vehicle_servo: self.equations.station.is_some() };
             L::call(&mut StageAdjoint::<_, true> { adjoint: self, at: instant, step, rates, of_rates });
@@ -183,14 +196,14 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             L::call(&mut StageAdjoint::<_, false> { adjoint: self, at: instant, step, rates, of_rates });
         }
 
-        let Self { equations, parts, of, of_instant, .. } = self;
+        let Self { equations, parts, of, of_instant, scratch } = self;
         let of_wrench = of_instant.wrench;
         of.wrench = of.wrench + of_wrench;
         let mut turn = of_instant.gravity.cross(gravity);
         of_stage.twist = of_instant.twist;
         of_stage.pose.position = None;
         if system.fixed {
-            let fixed_rate = -to_body(start, theta, equations.acceleration);
+            let fixed_rate = -to_body(start, theta, water.acceleration);
             turn = turn + of_instant.fixed_rate.cross(fixed_rate);
         }
         if let Some((_, rate)) = &equations.thrust {
@@ -205,15 +218,16 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             let of_twist = courses.wrench_adjoint(thrusters, share, twist, of_wrench, &mut of.thrusts);
             of_stage.twist = of_stage.twist + of_twist;
         }
-        if let (Some(station), Some(gains)) = (&equations.station, &system.vehicle_servo) {
-            let pose = start.times(&exp_se3(theta));
-            let (place, of_twist) = station.wrench_adjoint(gains, &pose, elapsed, of_wrench, &mut of.station);
+        if let (Some(station), Some(gains), Some((vehicle, _))) = (&equations.station, &system.vehicle_servo, &vehicle)
+        {
+            let velocity = vehicle.pose.rotation.apply_transposed(water.velocity_after(elapsed));
+            let (place, of_twist) = station.wrench_adjoint(gains, &vehicle.pose, velocity, of_wrench, &mut of.station);
             of_stage.twist = of_stage.twist + of_twist;
             turn = turn + place.turn;
             of_stage.pose.position = Some(place.position);
         }
         if system.terms.any() {
-            let gravity = gravity + to_body(start, theta, equations.acceleration);
+            let gravity = gravity + to_body(start, theta, water.acceleration);
             let at = TermInstant { twist, gravity, fins: equations.surfaces };
             let (twist, none) = (Vector6::zero(), Vector3::zero());
             let mut sums = TermCotangents { twist, gravity: none, fins: &mut of.surfaces };
@@ -223,6 +237,22 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             if !parts.is_empty() {
                 system.terms.add_factor_cotangents(&at, of_wrench, &mut of.factors);
             }
+        }
+        if let (Some((_, vehicle)), true) = (vehicle, system.contact.is_some()) {
+            let (memory, joints, none) = (&mut **scratch, (q, qd), Vector6::zero());
+            let (of_displacement, of_twist) = (none, none);
+            let mut adjoint = ContactAdjoint { system, vehicle, joints, memory, of_instant, of_displacement, of_twist };
+            L::call(&mut adjoint);
+            let ContactAdjoint { of_displacement, of_twist, .. } = adjoint;
+            let rotation = &vehicle.pose.rotation;
+            let position = rotation.apply(of_displacement.linear);
+            let velocity = rotation.apply_transposed(water.velocity_after(begin));
+            of_stage.twist = of_stage.twist + of_twist;
+            turn = turn + of_displacement.angular + of_twist.linear.cross(velocity);
+            of_stage.pose.position = Some(match of_stage.pose.position {
+                Some(sum) => sum + position,
+                None => position,
+            });
         }
         of_stage.pose.turn = turn;
         for k in 0..system.chain().len() {

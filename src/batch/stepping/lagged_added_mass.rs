@@ -58,7 +58,8 @@ impl<P> LaggedAddedMass<'_, P> {
     {
         let n = equations.system.chain().len();
         let mut twists = [motion.twist; BODIES];
-        link_twists(equations.system, motion.twist, &motion.q, &motion.qd, equations.scratch, &mut twists[1..]);
+        let both = [motion.twist, equations.scratch.water.world_twist(L::zero())];
+        link_twists(equations.system, both, &motion.q, &motion.qd, equations.scratch, &mut twists[1..]);
         let begun = L::c(0.5).lt(state.begun);
         let (weight, rest) = (L::c(self.filter), L::c(1.0 - self.filter));
         for i in 0..=n {

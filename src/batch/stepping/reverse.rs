@@ -7,6 +7,7 @@ use super::joint_coordinates::JointSums;
 use super::step::Step;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
+use crate::dynamics::place::WaterFrame;
 use crate::hydro::{THRUSTERS, ThrustCotangents, ThrustProfiles, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{ExplicitAdjoint, ImplicitAdjoint, Integrator, MethodAdjoint, MotionCotangents, StepRecord};
 use crate::lane::{Lane, Real, Routine, Rows, Tape};
@@ -176,11 +177,11 @@ impl<T: Real> Step<'_, T> {
         let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
         prescribe_adjoint(system, loads, end, of_motion, &mut of.loads);
         // Right-hand side, as in the steps.
+        let gravity = Vector3(system.gravity) - acceleration;
+        scratch.water = WaterFrame { velocity: current, acceleration, gravity };
         let mut equations = EquationsOfMotion {
             system,
             loads,
-            gravity: Vector3(system.gravity) - acceleration,
-            acceleration,
             wrench: Vector6::zero(),
             thrust: None,
             lossy: if system.has_inflow_losses() { Some((courses, over_h)) } else { None },
@@ -205,7 +206,7 @@ impl<T: Real> Step<'_, T> {
             }
             // Water, time and thrusts at the start of the step.
             current = current - gained;
-            equations.set_current(current);
+            equations.scratch.water.velocity = current;
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
             let mut thrusts = [L::zero(); THRUSTERS];
             record.tape.pop(&mut thrusts, thrusters.len());

@@ -12,6 +12,7 @@ use crate::batch::storage::inputs::ActiveLoads;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::{LoadNumbers, OwnColumns};
 use crate::dynamics::aba::{ArmLoads, Scratch};
+use crate::dynamics::place::WaterFrame;
 use crate::hydro::{ThrustProfiles, ThrusterDynamics};
 use crate::integrate::{
     Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
@@ -302,11 +303,11 @@ impl<'a, T: Real> Step<'a, T> {
         if !system.terms.fins.is_empty() {
             columns.surfaces(self.layout, &system.terms.fins, &mut memory.surfaces);
         }
+        let gravity = Vector3(get_all(&system.gravity)) - acceleration;
+        memory.scratch.water = WaterFrame { velocity: current, acceleration, gravity };
         let mut equations = EquationsOfMotion {
             system,
             loads: &mut memory.loads,
-            gravity: Vector3(get_all(&system.gravity)) - acceleration,
-            acceleration,
             wrench: constant,
             thrust: None,
             lossy: if system.has_inflow_losses() { Some((&mut memory.courses, over_h)) } else { None },
@@ -360,7 +361,7 @@ impl<'a, T: Real> Step<'a, T> {
             equations.joints.end(motion, joints);
             motion.travel(drift(current, gained, self.h));
             current = current + gained;
-            equations.set_current(current);
+            equations.scratch.water.velocity = current;
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
             if system.fixed {
                 // The rows still have the pose before the step.

@@ -142,11 +142,11 @@ impl<'a> CheckedInputs<'a> {
             return Err(SimulatorError::NoVehicleServo { scene: scene.name.clone() });
         }
         if inputs.joint_target.is_some_and(|t| !t.is_empty())
-            && scene.joints().all(|joint| joint.servo.is_none() && !joint.prescribed)
+            && scene.coordinates().all(|joint| joint.servo.is_none() && !joint.prescribed)
         {
             return Err(SimulatorError::NoJointServo { scene: scene.name.clone() });
         }
-        let joints = scene.joints().count();
+        let joints = scene.coordinates().count();
         let terms = inputs.joint_target.map_or(0, |t| t.len() / (options.instances * joints).max(1));
         let expected = [
             ("thrust", inputs.thrust, allocation.count()),

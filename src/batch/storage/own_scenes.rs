@@ -24,7 +24,7 @@ impl OwnScenes {
     /// [`SimulatorError::Control`] as [`Allocation::new`].
     pub fn new(scenes: Vec<Scene>, first: &Compiled) -> Result<Self, SimulatorError> {
         let Some(model) = scenes.first() else { return Err(SimulatorError::NoInstances) };
-        let keys = model.joint_keys();
+        let keys = model.coordinate_keys();
         let mut allocations = Vec::with_capacity(scenes.len());
         for (instance, scene) in scenes.iter().enumerate() {
             if interrupt::requested() {
@@ -58,13 +58,13 @@ impl OwnScenes {
 
 /// A difference in structure that compiled scenes do not show.
 fn difference_outside_kernels(one: &Scene, other: &Scene) -> Option<String> {
-    let counts = |scene: &Scene| [scene.joints().count(), scene.vehicle.thrusters.len(), scene.vehicle.fins.len()];
+    let counts = |scene: &Scene| [scene.coordinates().count(), scene.vehicle.thrusters.len(), scene.vehicle.fins.len()];
     let names = ["arm: joints", "vehicle.thrusters", "vehicle.fins"]
         .into_iter()
         .zip(counts(one).into_iter().zip(counts(other)));
     let count = names.filter(|(_, (a, b))| a != b).map(|(name, (a, b))| format!("{name}: {b}, not {a}")).next();
     count.or_else(|| {
-        let servos = |scene: &Scene| scene.joints().map(|joint| joint.servo.is_some()).collect::<Vec<_>>();
+        let servos = |scene: &Scene| scene.coordinates().map(|joint| joint.servo.is_some()).collect::<Vec<_>>();
         let differs = one.vehicle.servo.is_some() != other.vehicle.servo.is_some();
         let place = if differs { Some("vehicle.servo") } else { None };
         let place = place.or((servos(one) != servos(other)).then_some("arm: a joint's servo"));

@@ -26,7 +26,7 @@ impl Case {
     fn with_options(scene: &Scene, options: SimulatorOptions) -> Self {
         let instances = options.instances;
         let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        let (joints, mut factors) = (scene.joints().count(), Vec::new());
+        let (joints, mut factors) = (scene.coordinates().count(), Vec::new());
         let flow = Flow { velocity: Vector3::new(0.1, -0.2, 0.05), acceleration: Vector3::new(0.02, 0.01, -0.03) };
         for i in 0..instances {
             let mut state = random_state(i as u64, scene);

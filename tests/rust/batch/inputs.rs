@@ -29,7 +29,7 @@ impl RandomInputs {
     /// Inputs of one instance.
     pub fn new(seed: u64, scene: &Scene, sizes: Sizes) -> Self {
         let mut random = Random::new(seed ^ 0xBA7C);
-        let n = scene.joints().count();
+        let n = scene.coordinates().count();
         let mut numbers = |count: usize, size: f64| (0..count).map(|_| random.between(-size, size)).collect::<Vec<_>>();
         let mut thrust = numbers(scene.vehicle.thrusters.len(), sizes.thrust);
         for (thrust, thruster) in thrust.iter_mut().zip(&scene.vehicle.thrusters) {

@@ -90,6 +90,7 @@ fn accelerations_of_duals_are_their_derivatives() {
             wrench: Vector6::zero(),
             fixed_rate: Vector3::zero(),
             time: L::zero(),
+            elapsed: L::zero(),
         };
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         accelerations(system, &instant, &ArmLoads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);

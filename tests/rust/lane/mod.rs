@@ -335,6 +335,7 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 wrench: six(9 + 2 * JOINTS),
                 fixed_rate: Vector3::zero(),
                 time: L::zero(),
+                elapsed: L::zero(),
             };
             let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
             accelerations(self.system, &instant, &ArmLoads::none(), &mut scratch, &mut twist_rate, &mut qdd);

@@ -8,20 +8,21 @@ use std::path::Path;
 use super::{files, source};
 
 /// Layers, lowest first, and what each may import. Every layer may import `error`.
-const LAYERS: [(&str, &str); 21] = [
+const LAYERS: [(&str, &str); 22] = [
     ("lane", ""),
     ("error", "lane"),
     ("limits", ""),
     ("lie", "lane"),
     ("spatial", "lane lie"),
     ("hydro", "lane lie spatial"),
+    ("contact", "lane lie"),
     ("keys", ""),
     ("terms", "lane lie keys"),
     ("description", "keys terms"),
     ("estimate", "keys description"),
     ("robot", "keys description estimate"),
-    ("system", "lane lie spatial hydro terms description"),
-    ("dynamics", "lane lie spatial hydro terms description system"),
+    ("system", "lane lie spatial hydro contact terms description"),
+    ("dynamics", "lane lie spatial hydro contact terms description system"),
     ("integrate", "lane lie"),
     ("render", "lane lie description system"),
     ("optimize", "limits"),

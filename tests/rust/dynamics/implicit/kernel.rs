@@ -64,6 +64,7 @@ impl Case {
             wrench: lie::Vector6::from_array(self.wrench.into()),
             fixed_rate: lie::Vector3([0.0; 3]),
             time: 0.0,
+            elapsed: 0.0,
         };
         let (mut rate, mut qdd) = (lie::Vector6::zero(), [0.0; JOINTS]);
         let (loads, mut scratch) = (self.loads(), Scratch::new());
