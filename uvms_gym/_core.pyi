@@ -412,7 +412,7 @@ class Renderer:
     """Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 
     `vehicle.shape` of the scene is the shape of the vehicle. Camera at `azimuth` about the vertical from x and
-    `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
+    `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m, by default a level plane's.
     """
     def __new__(
         cls,
@@ -420,7 +420,7 @@ class Renderer:
         *,
         width: int = 640,
         height: int = 480,
-        azimuth: float = -0.95,
+        azimuth: float | None = None,
         elevation: float = 0.32,
         distance: float | None = None,
         floor: float | None = None,
@@ -431,6 +431,8 @@ class Renderer:
     """Pixels down."""
     distance: Final[float]
     """Distance of the camera, m."""
+    azimuth: Final[float]
+    """Azimuth of the camera, rad."""
     floor: Final[float]
     """Height of the floor, m."""
     cell: Final[float]
@@ -440,7 +442,7 @@ class Renderer:
     def meshes(
         self,
     ) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]]:
-        """Meshes of `vehicle`, `link 1`, ... in the frames of `Simulator.body_poses`, and `dock` in the vehicle frame.
+        """Meshes of `vehicle`, `link 1`, ... in the frames of `Simulator.body_poses`, `fixture 1`, `world`, `dock`.
 
         Vertices, m, normals and colours, 0 to 1, (n, 3), and triangles (m, 3); joints at home.
         """

@@ -32,11 +32,13 @@ use uvms_gym::render::{self, Facet, Facets, RenderState, Settings, Vector, hull:
 /// width, height : int
 ///     Pixels, 1 to 4096.
 /// azimuth, elevation : float
-///     Direction from the point in the centre to the camera, rad: about the vertical from x, and above the horizontal.
+///     Direction from the point in the centre to the camera, rad: about the vertical from x, and above the horizontal. The
+///     azimuth is -0.95 where None, or mirrored where shapes of contact near the vehicle would hide it.
 /// distance : float or None
 ///     Distance of the camera, m; by the size of the scene where None.
 /// floor : float or None
-///     Height of the floor, m; below the scene at the origin where None.
+///     Height of the floor, m. Where None, the floor is the highest level plane of the scene's contact, which hides what is
+///     below; without one it is below the scene at the origin.
 ///
 /// Raises
 /// ------
@@ -66,7 +68,7 @@ impl Renderer {
     #[new]
     #[pyo3(
         signature = (scene, *, width=None, height=None, azimuth=None, elevation=None, distance=None, floor=None),
-        text_signature = "(scene, *, width=640, height=480, azimuth=-0.95, elevation=0.32, distance=None, floor=None)"
+        text_signature = "(scene, *, width=640, height=480, azimuth=None, elevation=0.32, distance=None, floor=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -86,7 +88,7 @@ impl Renderer {
                 width.map_or(Ok(default.size[0]), |n| count("width", n))?,
                 height.map_or(Ok(default.size[1]), |n| count("height", n))?,
             ],
-            azimuth: number("azimuth", azimuth, default.azimuth)?,
+            azimuth: azimuth.map(|x| number("azimuth", Some(x), 0.0)).transpose()?,
             elevation: number("elevation", elevation, default.elevation)?,
             distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
             floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
@@ -114,6 +116,12 @@ impl Renderer {
         self.inner.distance()
     }
 
+    /// float: azimuth of the camera, rad.
+    #[getter]
+    fn azimuth(&self) -> f64 {
+        self.inner.azimuth()
+    }
+
     /// float: height of the floor, m.
     #[getter]
     fn floor(&self) -> f64 {
@@ -134,17 +142,19 @@ impl Renderer {
         array(py, &[2, 3], envelope.middle.iter().chain(&size).copied().map(f64::from).collect())
     }
 
-    /// Triangle meshes of the moving bodies and of a dock, as `draw` draws them with joints at home.
+    /// Triangle meshes of the moving bodies, of the shapes in the world and of a dock, as `draw` draws them with joints at home.
     ///
     /// Returns
     /// -------
     /// dict of str to tuple
-    ///     `vehicle` with its thrusters, `link 1` and so on, each in its body's frame (see `Simulator.body_poses`), and
-    ///     `dock` in the frame of the docked vehicle. Each is a tuple of arrays: vertices, m, normals and colours, red, green,
-    ///     blue, 0 to 1, (n, 3) each, float32, and triangles, (m, 3), uint32: numbers of vertices, counterclockwise as seen from outside.
+    ///     `vehicle` with its thrusters, `link 1` and so on, each in its body's frame (see `Simulator.body_poses`); `fixture 1` and
+    ///     so on in the fixtures' frames, without vertices where no shape is on the fixture; `world`, if a shape other than the
+    ///     floor is in the world; and `dock` in the frame of the docked vehicle. Each is a tuple of arrays: vertices, m, normals
+    ///     and colours, red, green, blue, 0 to 1, (n, 3) each, float32, and triangles, (m, 3), uint32: numbers of vertices,
+    ///     counterclockwise as seen from outside.
     fn meshes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let meshes = PyDict::new(py);
-        for (name, mesh) in render::bodies(&self.scene, &self.facets) {
+        for (name, mesh) in render::bodies(&self.scene, &self.facets, self.inner.cell()) {
             let rows = |row: fn(&Vertex) -> [f32; 3]| {
                 matrix(py, mesh.vertices.iter().flat_map(row).collect(), mesh.vertices.len())
             };
@@ -159,7 +169,7 @@ impl Renderer {
     /// Draw the scene in a state.
     ///
     /// The camera points at the target, or at the vehicle without one, so that the vehicle stays in the picture. It moves
-    /// back until `point` and `dock` are in the picture, unless the renderer has a `distance`. The GIL is released.
+    /// back until `point`, `dock` and near shapes of contact are in the picture, unless the renderer has a `distance`. The GIL is released.
     ///
     /// Parameters
     /// ----------
@@ -168,7 +178,7 @@ impl Renderer {
     /// rotation : array_like (3, 3)
     ///     Body to world.
     /// q : array_like (n,)
-    ///     Joint coordinates, rad or m; home where None.
+    ///     Coordinates of joints, then of fixtures, rad or m; home where None.
     /// thrust : array_like (m,)
     ///     Thrust per thruster, N: drawn as jets, whose length and colour go with the share of the limit.
     /// target : (array_like (3,), array_like (3, 3)) or array_like (4, 4)

@@ -59,6 +59,8 @@ impl Caustics {
 pub struct Floor<'a> {
     /// Height, m.
     pub height: f32,
+    /// True if it hides what is below.
+    pub solid: bool,
     /// Position of a crossing of the grid, x and y, m.
     pub origin: [f32; 2],
     /// Cell width of the grid, m.
@@ -106,6 +108,9 @@ pub fn paint(canvas: &mut Canvas, [width, height]: [usize; 2], camera: &Camera, 
         let away = above / down(rise);
         let sees = down(rise) > 1e-4 && above > 0.0;
         let through = if sees { water.transmission(away * stretch) } else { [0.0; 3] };
+        if sees && floor.solid {
+            canvas.set_nearness(y, |y| down((camera.centre[1] - y) / camera.focal).max(0.0) / above);
+        }
         let pixels = &mut canvas.row(y)[..width];
         if through.iter().all(|t| *t < 2e-3) {
             pixels.fill([pack(behind.map(display)); 4]);

@@ -191,6 +191,14 @@ impl Mesh {
         }
     }
 
+    /// A torus about the z axis and the origin: radius of its circle and of its tube.
+    pub fn torus(&mut self, radius: f32, tube: f32, segments: usize, paint: Paint) {
+        let section = circle(segments / 2);
+        let mut profile: Vec<_> = section.iter().map(|[cos, sin]| (-tube * sin, radius - tube * cos)).collect();
+        profile.push(profile[0]);
+        self.lathe(Vector::zeros(), Vector::z(), &profile, segments, true, |_| paint);
+    }
+
     /// A capsule between two points; a ball if they coincide.
     pub fn capsule(&mut self, from: Vector, to: Vector, radius: f32, segments: usize, paint: Paint) {
         let along = to - from;

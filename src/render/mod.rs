@@ -16,6 +16,8 @@ pub mod paint;
 pub mod raster;
 mod renderer;
 mod shadow;
+pub mod surroundings;
+mod view;
 pub use bodies::bodies;
 pub use files::{Facet, Facets};
 pub use renderer::{RenderState, Renderer, Settings};

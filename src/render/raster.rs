@@ -78,6 +78,12 @@ impl Canvas {
         &mut self.colours[y * self.width..(y + 1) * self.width]
     }
 
+    /// Sets the depth of a row, by the inverse depth, 1/m, at a distance from the top of the picture, pixels.
+    pub fn set_nearness(&mut self, y: usize, nearness: impl Fn(f32) -> f32) {
+        let samples = OFFSETS.map(|[_, down]| nearness(y as f32 + down as f32 / GRID as f32));
+        self.nearness[y * self.width..(y + 1) * self.width].fill(samples);
+    }
+
     /// Averages the samples: red, green, blue by rows.
     pub fn resolve(&self) -> Vec<u8> {
         let mut out = vec![0; 3 * self.colours.len()];

@@ -16,15 +16,17 @@ use super::mesh::{Mesh, Vertex};
 use super::paint::{Water, display};
 use super::raster::{Canvas, Corner};
 use super::shadow::Shadow;
+use super::surroundings::{Surroundings, placed};
 use crate::description::Scene;
 use crate::error::RenderError;
+use crate::system::{JOINTS, Joints};
 
 /// Maximum width and height, pixels.
 const MAX_PIXELS: usize = 4096;
 /// Maximum magnitude of drawn coordinates, m.
-const FAR: f64 = 1e5;
-/// Maximum ratio of the radius of what the picture shows to the scene's radius.
-const WIDEST: f64 = 24.0;
+pub(super) const FAR: f64 = 1e5;
+/// Azimuth of the camera, rad, where nothing hides the scene from there.
+const AZIMUTH: f64 = -0.95;
 /// Azimuth relative to the camera and elevation of the sun, rad: to the left and high.
 const SUN: (f64, f64) = (-0.75, 1.05);
 
@@ -33,19 +35,20 @@ const SUN: (f64, f64) = (-0.75, 1.05);
 pub struct Settings {
     /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Azimuth of the camera relative to its focus, about the vertical from x, rad.
-    pub azimuth: f64,
+    /// Azimuth of the camera relative to its focus, about the vertical from x, rad; None: -0.95, or its mirror image where near
+    /// shapes would hide the vehicle.
+    pub azimuth: Option<f64>,
     /// Elevation of the camera above the horizontal, rad.
     pub elevation: f64,
     /// Distance of the camera, m; None: by the size of what the picture shows.
     pub distance: Option<f64>,
-    /// Height of the floor, m; None: below the scene at the origin.
+    /// Height of the floor, m; None: the scene's highest level plane, else below the scene at the origin.
     pub floor: Option<f64>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { size: [640, 480], azimuth: -0.95, elevation: 0.32, distance: None, floor: None }
+        Self { size: [640, 480], azimuth: None, elevation: 0.32, distance: None, floor: None }
     }
 }
 
@@ -60,7 +63,7 @@ impl Settings {
             let accepted = (minimum..=most).contains(&value);
             if accepted { Ok(()) } else { Err(RenderError::Setting { what, value, rule }) }
         };
-        within("azimuth", self.azimuth, -100.0, 100.0, "-100 to 100 rad")?;
+        within("azimuth", self.azimuth.unwrap_or(AZIMUTH), -100.0, 100.0, "-100 to 100 rad")?;
         within("elevation", self.elevation, -1.5, 1.5, "-1.5 to 1.5 rad")?;
         within("distance", self.distance.unwrap_or(1.0), 1e-3, 1e4, "0.001 to 10000 m")?;
         within("floor", self.floor.unwrap_or(0.0), -1e4, 1e4, "-10000 to 10000 m")
@@ -74,7 +77,7 @@ pub struct RenderState<'a> {
     pub position: Vector3<f64>,
     /// Body to world rotation.
     pub rotation: Matrix3<f64>,
-    /// Joint coordinates, rad or m.
+    /// Coordinates of joints, then of fixtures, rad or m.
     pub q: &'a [f64],
     /// Thrusts, N; none or one per thruster.
     pub thrust: &'a [f64],
@@ -118,21 +121,23 @@ impl Default for RenderState<'_> {
 /// Renderer of a scene.
 #[derive(Debug)]
 pub struct Renderer {
-    settings: Settings,
+    pub(super) settings: Settings,
+    pub(super) azimuth: f64,
     sun: Vector,
     wet: bool,
     hull: Mesh,
     dock: Mesh,
-    envelope: Envelope,
+    pub(super) envelope: Envelope,
+    pub(super) surroundings: Surroundings,
     thrusters: Vec<Thruster>,
     arm: Option<ArmModel>,
     home: Vec<f64>,
     /// Centre and radius of vehicle and arm at home, in the vehicle frame.
-    middle: Vector,
-    reach: f32,
+    pub(super) middle: Vector,
+    pub(super) reach: f32,
     /// Distance of the dock's vertices from the centre of the vehicle's body, m, at most.
-    dock_reach: f64,
-    distance: f64,
+    pub(super) dock_reach: f64,
+    pub(super) distance: f64,
     floor: f64,
     cell: f64,
     caustics: Caustics,
@@ -155,7 +160,7 @@ impl Renderer {
         settings.check()?;
         let (envelope, hull, thrusters) = hull(scene, facets);
         let arm = ArmModel::new(scene, facets);
-        let home: Vec<f64> = scene.joints().map(|joint| joint.home).collect();
+        let home: Vec<f64> = scene.coordinates().map(|joint| joint.home).collect();
         let mut combined = hull.clone();
         if let Some(arm) = &arm {
             arm.draw(&mut combined, &home, 0.0);
@@ -169,17 +174,25 @@ impl Renderer {
         let distance = settings.distance.unwrap_or_else(|| 1.12 * Camera::distance_of(f64::from(reach)));
         let mut garage = Mesh::default();
         dock(&mut garage, &envelope);
+        let cell = nice(0.6 * f64::from(reach));
+        let surroundings = Surroundings::new(scene, cell);
+        let at = middle.map(f64::from);
+        let near = surroundings.near(&at, f64::from(reach));
+        let azimuth = settings.azimuth.unwrap_or_else(|| open_side(near.iter().map(|(shape, _)| shape - at).sum()));
+        let lowest = near.iter().map(|(shape, radius)| (shape.z - radius) as f32).fold(bounds[0].z, f32::min);
         let away = |vertex: &Vertex| (vertex.position - envelope.middle).norm();
         let dock_reach = f64::from(garage.vertices.iter().map(away).fold(0.0, f32::max));
         Ok(Self {
             settings: *settings,
-            sun: Camera::new(settings.azimuth + SUN.0, SUN.1, 1.0, [1, 1]).eye,
+            azimuth,
+            sun: Camera::new(azimuth + SUN.0, SUN.1, 1.0, [1, 1]).eye,
             wet: scene.water.density > 0.0,
-            floor: settings.floor.unwrap_or(f64::from(bounds[0].z - 0.45 * reach)),
-            cell: nice(0.6 * f64::from(reach)),
+            floor: settings.floor.or(surroundings.seabed).unwrap_or(f64::from(lowest - 0.45 * reach)),
+            cell,
             hull,
             dock: garage,
             envelope,
+            surroundings,
             thrusters,
             arm,
             home,
@@ -197,7 +210,7 @@ impl Renderer {
         self.settings.size
     }
 
-    /// Number of joints of the scene.
+    /// Number of coordinates of the scene: joints, then fixtures.
     pub fn joints(&self) -> usize {
         self.home.len()
     }
@@ -212,6 +225,11 @@ impl Renderer {
         self.distance
     }
 
+    /// Azimuth of the camera, rad.
+    pub fn azimuth(&self) -> f64 {
+        self.azimuth
+    }
+
     /// Height of the floor, m.
     pub fn floor(&self) -> f64 {
         self.floor
@@ -220,56 +238,6 @@ impl Renderer {
     /// Cell width of the floor, m.
     pub fn cell(&self) -> f64 {
         self.cell
-    }
-
-    /// Focus of the camera: the target if there is one, else the vehicle; limited to a distance that keeps the vehicle in the
-    /// picture.
-    fn focus(&self, state: &RenderState<'_>) -> Vector3<f64> {
-        let place = |(p, r): (Vector3<f64>, Matrix3<f64>)| {
-            let at = p + r * self.middle.map(f64::from);
-            (at.iter().all(|x| x.abs() < FAR)).then_some(at)
-        };
-        let vehicle = place((state.position, state.rotation));
-        match (state.target.and_then(place), vehicle) {
-            (Some(target), Some(vehicle)) => {
-                let (distance, most) = ((vehicle - target).norm(), 0.5 * f64::from(self.reach));
-                if distance > most { vehicle + (target - vehicle) * (most / distance) } else { target }
-            }
-            (Some(at), None) | (None, Some(at)) => at,
-            (None, None) => Vector3::zeros(),
-        }
-    }
-
-    /// Camera, its focus, and the ratio of the radius of what it shows to the radius of the scene: vehicle, end effector's reference and dock.
-    fn view(&self, state: &RenderState<'_>) -> (Camera, Vector3<f64>, f64) {
-        let reach = f64::from(self.reach);
-        let (mut focus, mut radius) = (self.focus(state), reach);
-        let mut include = |at: Vector3<f64>, own: f64| {
-            let distance = (at - focus).norm();
-            // Of two balls, the smallest one about both.
-            let both = (0.5 * (radius + own + distance)).max(own).min(WIDEST * reach);
-            if self.settings.distance.is_none() && both > radius {
-                focus += (at - focus) * ((both - radius) / distance.max(1e-9)).min(1.0);
-                radius = both;
-            }
-        };
-        if let Some((at, _)) = state.point.filter(|(p, _)| p.iter().all(|x| x.abs() < FAR)) {
-            include(at, 0.2 * reach);
-        }
-        if let Some((p, r)) = state.dock.filter(|(p, r)| p.iter().chain(r.iter()).all(|x| x.abs() < FAR)) {
-            include(p + r * self.envelope.middle.map(f64::from), self.dock_reach);
-        }
-        let zoom = radius / reach;
-        let Settings { azimuth, elevation, size, .. } = self.settings;
-        (Camera::new(azimuth, elevation, self.distance * zoom, size), focus, zoom)
-    }
-
-    /// Pixel (along, down) and depth, m, of a point of the world in the picture of `state`; None behind the camera.
-    pub fn project(&self, state: &RenderState<'_>, point: &Vector3<f64>) -> Option<[f64; 3]> {
-        let (camera, focus, _) = self.view(state);
-        let view = camera.view(&single(&(point - focus)));
-        let [x, y] = camera.project(&view);
-        (view.z >= camera.near).then(|| [x, y, view.z].map(f64::from))
     }
 
     /// Draws the picture: red, green, blue by rows from the top.
@@ -288,6 +256,7 @@ impl Renderer {
         let drift = (0.03 * state.time).rem_euclid(10.0) as f32;
         let floor = Floor {
             height,
+            solid: self.settings.floor.is_none() && self.surroundings.seabed.is_some(),
             origin,
             cell: self.cell as f32,
             shadow: &shadow,
@@ -318,13 +287,20 @@ impl Renderer {
     fn meshes(&self, state: &RenderState<'_>, focus: &Vector3<f64>, zoom: f64) -> (Mesh, Mesh) {
         let (mut solid, mut clear) = (Mesh::default(), Mesh::default());
         let thin = 0.006 * self.reach;
-        if let Some(place) = placed(&state.position, &state.rotation, focus) {
+        let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
+        let q = Some(q).filter(|q| q.iter().all(|q| q.abs() < FAR));
+        self.surroundings.draw_fixed(&mut solid, focus);
+        if let Some(q) = q {
+            let mut coordinates: Joints = [0.0; JOINTS];
+            coordinates.iter_mut().zip(q).for_each(|(coordinate, q)| *coordinate = *q);
+            for (mesh, (p, r)) in self.surroundings.fixtures().zip(self.surroundings.poses(&coordinates)) {
+                about(focus, &p, &r).into_iter().for_each(|place| solid.append(mesh, place));
+            }
+        }
+        if let Some(place) = about(focus, &state.position, &state.rotation) {
             solid.append(&self.hull, &place);
-            if let Some(arm) = &self.arm {
-                let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
-                if q.iter().all(|q| q.abs() < FAR) {
-                    solid.add(&place, |mesh| drop(arm.draw(mesh, q, state.payload)));
-                }
+            if let (Some(arm), Some(q)) = (&self.arm, q) {
+                solid.add(&place, |mesh| drop(arm.draw(mesh, q, state.payload)));
             }
             clear.add(place, |jets| {
                 for (thruster, thrust) in self.thrusters.iter().zip(state.thrust) {
@@ -332,16 +308,16 @@ impl Renderer {
                 }
             });
         }
-        if let Some(place) = state.target.and_then(|(p, r)| placed(&p, &r, focus)) {
+        if let Some(place) = state.target.and_then(|(p, r)| about(focus, &p, &r)) {
             solid.add(place, |mesh| marks::target(mesh, &self.envelope));
         }
-        if let Some(place) = state.point.and_then(|(p, r)| placed(&p, &r, focus)) {
+        if let Some(place) = state.point.and_then(|(p, r)| about(focus, &p, &r)) {
             solid.add(place, |mesh| {
                 marks::axes(mesh, 0.22 * self.reach);
                 marks::point(mesh, 3.0 * thin);
             });
         }
-        if let Some(place) = state.dock.and_then(|(p, r)| placed(&p, &r, focus)) {
+        if let Some(place) = state.dock.and_then(|(p, r)| about(focus, &p, &r)) {
             solid.append(&self.dock, place);
         }
         for (points, trail) in [(state.path, false), (state.trail, true)] {
@@ -373,14 +349,20 @@ fn shade(camera: &Camera, water: &Water, mesh: &Mesh, corners: &mut Vec<Corner>)
 }
 
 /// Transform of vertices from a frame to coordinates about the focus; None if it is not finite.
-fn placed(
+fn about(
+    focus: &Vector3<f64>,
     position: &Vector3<f64>,
     rotation: &Matrix3<f64>,
-    focus: &Vector3<f64>,
 ) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
     let finite = position.iter().chain(rotation.iter()).all(|x| x.abs() < FAR);
-    let (r, p) = (rotation.map(|x| x as f32), single(&(position - focus)));
-    finite.then_some(move |v: &Vertex| Vertex { position: r * v.position + p, normal: r * v.normal, paint: v.paint })
+    finite.then(|| placed(&(position - focus, *rotation)))
+}
+
+/// Azimuth of the camera on the side without the shapes, which are in this direction from the vehicle.
+fn open_side(shapes: Vector3<f64>) -> f64 {
+    let hides = shapes.x * AZIMUTH.cos() + shapes.y * AZIMUTH.sin() > 0.0;
+    let mirrored = std::f64::consts::PI + 2.0 * shapes.y.atan2(shapes.x) - AZIMUTH;
+    if hides { mirrored } else { AZIMUTH }
 }
 
 /// Largest number of the series 1, 2, 5, 10, ... that is at most `x`.

@@ -49,6 +49,14 @@ impl EndEffector {
         compiled.frames.iter().map(|(body, frame)| Self::on(&compiled.system.joints, *body, frame)).collect()
     }
 
+    /// Frames of the fixtures of a checked scene; their poses are in the world.
+    pub fn fixtures(scene: &Scene) -> Vec<Self> {
+        let compiled = compile(scene);
+        let joints = &compiled.system.joints;
+        let robot = joints.len() - scene.fixtures.len();
+        (robot..joints.len()).map(|k| Self::on(joints, k + 1, &compiled.links[k])).collect()
+    }
+
     /// Number of the moving body that carries it: 0 for the vehicle and i + 1 for the link of joint i.
     pub fn body(&self) -> usize {
         self.body
@@ -60,9 +68,10 @@ impl EndEffector {
             let JointTerms { placement, offset, screw, .. } = joints[index];
             ChainLink { index, placement, offset, screw }
         };
-        let carrier = |&body: &usize| (body > 0).then(|| joints[body - 1].carrier(body - 1));
-        let bodies = std::iter::successors(Some(body), carrier).take_while(|&body| body > 0);
-        let mut path: Vec<_> = bodies.map(|body| link(body - 1)).collect();
+        // The chain ends at the vehicle or, for a fixture, at the world.
+        let moving = |body: usize| (1..=joints.len()).contains(&body).then_some(body);
+        let carrier = |&body: &usize| moving(joints[body - 1].carrier(body - 1));
+        let mut path: Vec<_> = std::iter::successors(moving(body), carrier).map(|body| link(body - 1)).collect();
         path.reverse();
         let (rotation, position) = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
         Self { joints: path, body, rotation, position }

@@ -4,13 +4,14 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
-use uvms_gym::description::{Scene, Shape, ShapeKind};
+use uvms_gym::description::{ContactGeometry, Scene, Shape, ShapeKind};
 use uvms_gym::render::camera::Camera;
 use uvms_gym::render::dock::dock;
 use uvms_gym::render::hull::hull;
 use uvms_gym::render::mesh::Mesh;
 use uvms_gym::render::paint::{Paint, Water, decay};
 use uvms_gym::render::raster::{Canvas, Corner};
+use uvms_gym::render::surroundings::solid;
 use uvms_gym::render::{Facets, RenderState, Renderer, Settings, Vector, marks};
 
 const SIZE: [usize; 2] = [64, 48];
@@ -189,7 +190,7 @@ fn solids_are_closed_and_face_outward() {
     let paint = Paint::new(0x808080);
     let (a, b) = (Vector::new(0.1, 0.2, 0.3), Vector::new(0.7, -0.4, 1.1));
     type Solid = fn(&mut Mesh, Vector, Vector, Paint);
-    let solids: [(&str, Solid); 9] = [
+    let solids: [(&str, Solid); 12] = [
         ("cuboid", |m, a, _, p| m.cuboid(a, Vector::new(1.0, 2.0, 3.0), p)),
         ("chamfered", |m, a, _, p| m.chamfered(a, Vector::new(1.0, 2.0, 3.0), 0.2, p)),
         ("beam", |m, a, b, p| m.beam(a, b, 0.1, p)),
@@ -197,6 +198,9 @@ fn solids_are_closed_and_face_outward() {
         ("capsule", |m, a, b, p| m.capsule(a, b, 0.2, 12, p)),
         ("ball", |m, a, _, p| m.capsule(a, a, 0.2, 12, p)),
         ("ellipsoid", |m, a, _, p| m.ellipsoid(a, Vector::new(1.0, 0.6, 0.4), 12, |_| p)),
+        ("torus", |m, _, _, p| m.torus(0.5, 0.1, 24, p)),
+        ("wall", |m, _, _, p| solid(m, &ContactGeometry::Box { size: Vector3::new(1.0, 9.0, 2.0) }, 0.2, [p, p])),
+        ("pipe", |m, _, _, p| solid(m, &ContactGeometry::Cylinder { radius: 0.3, length: 9.0 }, 0.2, [p, p])),
         ("axes", |m, _, _, _| marks::axes(m, 1.0)),
         ("ring", |m, a, _, p| {
             let profile = [(-0.1, 0.8), (-0.1, 1.0), (0.1, 1.0), (0.1, 0.8), (-0.1, 0.8)];
@@ -342,7 +346,7 @@ fn settings_out_of_range_are_refused() {
     for settings in [
         Settings { size: [0, 48], ..default },
         Settings { size: [64, 5000], ..default },
-        Settings { azimuth: f64::NAN, ..default },
+        Settings { azimuth: Some(f64::NAN), ..default },
         Settings { elevation: 1.6, ..default },
         Settings { distance: Some(0.0), ..default },
         Settings { floor: Some(f64::INFINITY), ..default },

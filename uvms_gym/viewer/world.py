@@ -1,4 +1,4 @@
-"""3-D scene of the page: vehicle, arm, thrust, current, reference and target."""
+"""3-D scene of the page: vehicle, arm, surroundings, thrust, current, reference and target."""
 
 import itertools
 import math
@@ -17,6 +17,7 @@ from uvms_gym.viewer.episode import Target
 Floats = NDArray[np.float64]
 
 _WATER, _JET, _CURRENT, _AIM = (12, 62, 84), (255, 140, 40), (60, 170, 255), (120, 235, 160)
+_SEABED = (150, 145, 120)
 #: Length of the arrow of the current, edges of the vehicle per m/s.
 _CURRENT_SCALE = 2.0
 #: Width from which viser puts the controls beside the picture, px.
@@ -33,7 +34,9 @@ class World:
         scene, api = simulator.scene, server.scene
         renderer = Renderer(scene)
         (centre, size), meshes = renderer.bounding_box, renderer.meshes()
-        aim = meshes.pop("dock")
+        aim, fixed = meshes.pop("dock"), meshes.pop("world", None)
+        planes = [s for s in (scene.get("contact") or {}).get("shapes", ()) if s["kind"] == "plane"]
+        seabed = any(plane["frame"]["position"][2] == renderer.floor for plane in planes)
         reach = float(np.max(size))
         self._limits = np.maximum(np.abs(simulator.thruster_limits).max(axis=1), 1e-9)
         thrusters = scene["vehicle"].get("thrusters", ())
@@ -56,7 +59,17 @@ class World:
             section_color=(110, 165, 178),
             fade_distance=3.0 * renderer.distance,
             position=(0.0, 0.0, renderer.floor),
+            plane_color=_SEABED,
+            plane_opacity=0.8 if seabed else 0.0,
         )
+        if fixed is not None:
+            api.add_glb("/world/surroundings", _glb(*fixed))
+        # Joint and object of each fixture that has shapes, by its index from the last coordinate.
+        self._fixtures: dict[int, tuple[dict[str, Any], Any]] = {}
+        for k, fixture in enumerate(fixtures := scene.get("fixtures") or []):
+            if len((mesh := meshes.pop(f"fixture {k + 1}"))[0]):
+                drawn = api.add_glb(f"/world/fixtures/{k}", _glb(*mesh))
+                self._fixtures[k - len(fixtures)] = (fixture["joint"], drawn)
         self._bodies = [api.add_glb(f"/world/bodies/{k}", _glb(*mesh)) for k, mesh in enumerate(meshes.values())]
         self._thrust = api.add_line_segments(
             "/world/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
@@ -90,7 +103,7 @@ class World:
             position=target[0],
             wxyz=target[1],
         )
-        self._vehicle, self._distance = target[0], 0.75 * renderer.distance
+        self._vehicle, self._distance, self._azimuth = target[0], 0.75 * renderer.distance, renderer.azimuth
         self.place_camera(server.initial_camera)
 
     def show(self, before: Shot, after: Shot, share: float) -> None:
@@ -99,6 +112,9 @@ class World:
         positions, rotations = now["poses"][:, :3, 3], _quaternions(now["poses"])
         for body, position, wxyz in zip(self._bodies, positions, rotations):
             body.position, body.wxyz = position, wxyz
+        for index, (joint, fixture) in self._fixtures.items():
+            pose = _fixture_pose(joint, now["q"][index])
+            fixture.position, fixture.wxyz = pose.translation(), pose.rotation().wxyz
         self._tip.position, self._tip.wxyz = positions[-1], rotations[-1]
         self._vehicle = positions[0]
         self._world.position = -positions[0] if self.follow else np.zeros(3)
@@ -119,7 +135,7 @@ class World:
 
         `camera` belongs to coming browsers or to an open one; `width` is the width of the browser's picture, px.
         """
-        azimuth, elevation = -0.95, 0.32
+        azimuth, elevation = self._azimuth, 0.32
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
         # The controls cover the right, or the lower 60 % of a narrow window.
@@ -149,6 +165,16 @@ def _glb(vertices: NDArray[Any], normals: NDArray[Any], colours: NDArray[Any], t
     mesh.visual = trimesh.visual.TextureVisuals(material=material)
     mesh.visual.vertex_attributes["color"] = np.round(255.0 * np.insert(colours**2, 3, 1.0, axis=1))
     return bytes(mesh.export(file_type="glb"))
+
+
+def _fixture_pose(joint: dict[str, Any], q: float) -> viser.transforms.SE3:
+    """Pose in the world of a fixture with this joint, at its coordinate, rad or m."""
+    position, rpy = np.array(joint["frame"]["position"]), joint["frame"]["rpy"]
+    way, still = q * np.array(joint["axis"]), np.zeros(3)
+    motion = [way, still] if joint["kind"] == "prismatic" else [still, way]
+    rotation = viser.transforms.SO3.from_rpy_radians(*rpy)
+    zero = viser.transforms.SE3.from_rotation_and_translation(rotation, position)
+    return zero @ viser.transforms.SE3.exp(np.concatenate(motion))
 
 
 def _quaternions(poses: Floats) -> Floats:
