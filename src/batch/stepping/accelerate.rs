@@ -76,7 +76,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 if system.contact.is_some() {
                     let (is_start, q, qd, scratch) = (true, &motion.q, &motion.qd, &mut scratch);
-                    L::call(&mut ContactWrenches { system, is_start, vehicle, q, qd, scratch });
+                    L::call(&mut ContactWrenches { system, is_start, vehicle: &vehicle, q, qd, scratch });
                     wrench = wrench + scratch.contact.vehicle;
                 }
                 let instant = Instant {

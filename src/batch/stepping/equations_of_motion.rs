@@ -122,7 +122,7 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
             cold_path();
             let vehicle = self.scratch.water.place(&at.pose(), elapsed, twist);
             let scratch = &mut *self.scratch;
-            L::call(&mut ContactWrenches { system, is_start, vehicle, q, qd, scratch });
+            L::call(&mut ContactWrenches { system, is_start, vehicle: &vehicle, q, qd, scratch });
         }
     }
 }
@@ -150,7 +150,14 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(&motion.q, system.chain().len(), &mut sums);
         let vehicle = self.scratch.water.place(&motion.pose, L::zero(), motion.twist);
-        let at = ContactWrenches { system, is_start: true, vehicle, q, qd: &motion.qd, scratch: &mut *self.scratch };
+        let at = ContactWrenches {
+            system,
+            is_start: true,
+            vehicle: &vehicle,
+            q,
+            qd: &motion.qd,
+            scratch: &mut *self.scratch,
+        };
         let mut rate = ContactRate { at, h, rate: L::zero() };
         L::call(&mut rate);
         Some(rate.rate)

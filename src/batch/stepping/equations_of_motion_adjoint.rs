@@ -186,7 +186,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         self.scratch.scratch.water = water;
         if let (Some((_, vehicle)), true) = (vehicle, system.contact.is_some()) {
             let scratch = &mut self.scratch.scratch;
-            L::call(&mut ContactWrenches { system, is_start: true, vehicle, q, qd, scratch });
+            L::call(&mut ContactWrenches { system, is_start: true, vehicle: &vehicle, q, qd, scratch });
         }
         if let Some(h) = size {
             let step = Ahead { h, vehicle_servo: self.equations.station.is_some() };
