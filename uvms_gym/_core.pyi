@@ -316,7 +316,7 @@ class Simulator:
     def body_wrenches(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
         """(N, n + 1, 6) each: damping, restoring, flow, thrust, `vehicle_terms`, contact, external, sum; N and N m."""
     def joint_torques(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:
-        """(N, n) each: command, friction, end_stop, sum; N m or N."""
+        """(N, n) each: command, friction, spring, end_stop, sum; N m or N."""
     def energy(self) -> dict[str, _Floats]:
         """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, contact, fixtures, total; J."""
     def power(self, **inputs: Unpack[StepInputs]) -> dict[str, _Floats]:

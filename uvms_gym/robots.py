@@ -25,8 +25,8 @@ def import_robot(
 ) -> dict[str, Any]:
     """Make a scene of a robot's file: a vehicle with its thrusters and arms, a vehicle alone, or an arm on a vehicle.
 
-    Joint frames, axes, limits, effort, speed, damping, friction and inertias come from the file. All joints that move
-    become joints of one tree, fingers among them; links on fixed joints are merged into the links that carry them.
+    Joint frames, axes, limits, effort, speed, damping, friction, springs and inertias come from the file. All joints
+    that move become joints of one tree, fingers among them; links on fixed joints are merged into their carriers.
     The first link is the hull of a vehicle if it carries thrusters or propellers, if the file states its
     hydrodynamics, if it is on a floating joint, if nothing moves on it, if it outweighs all that moves on it, or if
     the robot's name says so; else it is the base of an arm, mounted on `vehicle`. A vehicle whose file states no

@@ -56,7 +56,7 @@ impl ChainState<'_> {
 pub struct Equations {
     /// `M + T D`
     pub inertia: MassMatrix,
-    /// `C [V; q']` minus damping, weight, buoyancy, fins, tether, and the joints' friction and end stops.
+    /// `C [V; q']` minus damping, weight, buoyancy, fins, tether, and the joints' friction, springs, detents and end stops.
     pub bias: Velocities,
     /// End-effector body twist per `[V; q']`.
     pub jacobian: SMatrix<f64, 6, VELOCITIES>,

@@ -143,12 +143,18 @@ pub struct Joint {
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rotor_inertia: f64,
     /// True where the joint follows its target exactly, at whatever torque that takes: its motion is prescribed. Servo,
-    /// friction, end stops and effort then do not act on the motion.
+    /// friction, spring, detent, end stops and effort then do not act on the motion.
     #[serde(default, skip_serializing_if = "is_false")]
     pub prescribed: bool,
-    /// Viscous and Coulomb friction of the joint.
+    /// Viscous, Coulomb and static friction of the joint.
     #[serde(default)]
     pub friction: Friction,
+    /// Spring between the joint's parts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spring: Option<JointSpring>,
+    /// Detent, with resting places at equal intervals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detent: Option<Detent>,
     /// Compliant end stops.
     pub limits: Option<JointLimits>,
     /// Maximum actuator torque, N m or N. Unlimited when absent.
@@ -190,6 +196,8 @@ impl Joint {
             rotor_inertia: 0.0,
             prescribed: false,
             friction: Friction::default(),
+            spring: None,
+            detent: None,
             limits: None,
             effort: None,
             actuator: None,
@@ -213,7 +221,8 @@ impl Joint {
     }
 }
 
-/// Joint friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`.
+/// Joint friction `-(viscous qd + c(qd) qd / sqrt(qd^2 + coulomb_speed^2))`, with c = coulomb, or by Stribeck's law
+/// `coulomb + (static - coulomb) / (1 + (qd / stribeck_speed)^2)`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Friction {
@@ -223,11 +232,56 @@ pub struct Friction {
     pub coulomb: f64,
     /// Speed over which Coulomb friction is smoothed, rad/s or m/s.
     pub coulomb_speed: f64,
+    /// Static friction at break-away, N m or N, at least `coulomb`; equal to it when absent.
+    #[serde(rename = "static", skip_serializing_if = "Option::is_none")]
+    pub break_away: Option<f64>,
+    /// Speed at which half of the difference between static and Coulomb friction is left, rad/s or m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stribeck_speed: Option<f64>,
 }
 
 impl Default for Friction {
     fn default() -> Self {
-        Self { viscous: 0.0, coulomb: 0.0, coulomb_speed: 0.01 }
+        Self { viscous: 0.0, coulomb: 0.0, coulomb_speed: 0.01, break_away: None, stribeck_speed: None }
+    }
+}
+
+impl Friction {
+    /// Static friction, N m or N: the maximum of the dry part.
+    pub fn at_rest(&self) -> f64 {
+        self.break_away.unwrap_or(self.coulomb)
+    }
+}
+
+/// Spring of a joint: torque `-stiffness (q - rest)`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointSpring {
+    /// N m/rad or N/m.
+    pub stiffness: f64,
+    /// Coordinate without torque, rad or m.
+    #[serde(default)]
+    pub rest: f64,
+}
+
+/// Detent of a joint: torque `-torque sin(2 pi (q - offset) / period)`, with resting places at offset plus multiples of the
+/// period.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Detent {
+    /// Maximum torque, N m or N.
+    pub torque: f64,
+    /// Distance between resting places, rad or m.
+    pub period: f64,
+    /// Coordinate of a resting place, rad or m.
+    #[serde(default)]
+    pub offset: f64,
+}
+
+impl Detent {
+    /// Stiffness in a resting place, N m/rad or N/m.
+    pub fn stiffness(&self) -> f64 {
+        std::f64::consts::TAU / self.period * self.torque
     }
 }
 

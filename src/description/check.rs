@@ -94,6 +94,8 @@ fn fixed_joint(joint: &Joint, key: &str) -> Result<(), Fault> {
         ("rotor_inertia", joint.rotor_inertia != 0.0),
         ("prescribed", joint.prescribed),
         ("friction", joint.friction != Friction::default()),
+        ("spring", joint.spring.is_some()),
+        ("detent", joint.detent.is_some()),
         ("limits", joint.limits.is_some()),
         ("effort", joint.effort.is_some()),
         ("actuator", joint.actuator.is_some()),
@@ -122,6 +124,22 @@ pub fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     check_not_negative(key, [("friction.viscous", friction.viscous), ("friction.coulomb", friction.coulomb)])?;
     check_not_negative(key, [("rotor_inertia", rotor_inertia), ("effort", effort)])?;
     above_zero("friction.coulomb_speed", friction.coulomb_speed)?;
+    match (friction.break_away, friction.stribeck_speed) {
+        (Some(value), Some(speed)) => {
+            range(value >= friction.coulomb, value, "at least coulomb", || format!("{key}.friction.static"))?;
+            above_zero("friction.stribeck_speed", speed)?;
+        }
+        (Some(_), None) => return Err(Fault::new(format!("{key}.friction.stribeck_speed"), Problem::Missing)),
+        (None, Some(_)) => return Err(Fault::new(format!("{key}.friction.static"), Problem::Missing)),
+        (None, None) => {}
+    }
+    if let Some(spring) = &joint.spring {
+        check_not_negative(key, [("spring.stiffness", spring.stiffness)])?;
+    }
+    if let Some(detent) = &joint.detent {
+        check_not_negative(key, [("detent.torque", detent.torque)])?;
+        above_zero("detent.period", detent.period)?;
+    }
     if let Some(linear) = &joint.actuator {
         actuator(linear, joint, &format!("{key}.actuator"))?;
     }

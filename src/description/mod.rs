@@ -38,7 +38,7 @@ mod vehicle_terms;
 mod warnings;
 
 pub use actuator::LinearActuator;
-pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount, Parent};
+pub use arm::{Arm, Detent, Friction, Joint, JointKind, JointLimits, JointServo, JointSpring, Link, Mount, Parent};
 pub use body::{Body, Damping, InertiaPoint};
 pub use contact::{Contact, ContactLaw, Sphere};
 pub use contact_shape::{ContactGeometry, ContactShape};

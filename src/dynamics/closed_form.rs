@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
 use super::closed_form_model::ClosedFormModel;
-use super::dense::{DensePose, EndStop, friction, relative_twist};
+use super::dense::{DensePose, EndStop, friction, relative_twist, spring};
 use super::dynamical_balance::Equations;
 use crate::error::DynamicsError;
 use crate::system::Flow;
@@ -48,8 +48,10 @@ pub struct BodyWrenches {
 /// Torques on the joints, N m or N, (n) each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointTorques {
-    /// Viscous and Coulomb friction.
+    /// Viscous, Coulomb and static friction.
     pub friction: DVector<f64>,
+    /// Springs and detents.
+    pub spring: DVector<f64>,
     /// End stops, elastic and damping.
     pub end_stop: DVector<f64>,
     /// Actuators.
@@ -165,9 +167,14 @@ impl ClosedForm<'_> {
         })
     }
 
-    /// Viscous and Coulomb friction of the joints, (n), N m or N.
+    /// Viscous, Coulomb and static friction of the joints, (n), N m or N.
     pub(super) fn friction(&self) -> DVector<f64> {
         DVector::from_fn(self.joints(), |i, _| friction(self.equations.joints[i], self.qd[i]))
+    }
+
+    /// Torques of the joints' springs and detents, N m or N, and their energies, J.
+    pub(super) fn springs(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.equations.joints.iter().enumerate().map(|(i, joint)| spring(joint, self.q[i]))
     }
 
     pub(super) fn end_stops(&self) -> impl Iterator<Item = EndStop> {
@@ -192,8 +199,9 @@ impl ClosedForm<'_> {
         let command = DVector::from_vec(filled("joint command", loads.joint_command, n, 0.0)?);
         let friction = self.friction();
         let end_stop = DVector::from_iterator(n, self.end_stops().map(|stop| stop.elastic + stop.damping));
-        let sum = &friction + &end_stop + &command;
-        Ok(JointTorques { friction, end_stop, command, sum })
+        let spring = DVector::from_iterator(n, self.springs().map(|(torque, _)| torque));
+        let sum = &friction + &end_stop + &command + &spring;
+        Ok(JointTorques { friction, spring, end_stop, command, sum })
     }
 
     /// `W F + L tau`, (6+n).
@@ -232,8 +240,8 @@ impl ClosedForm<'_> {
         Ok(accelerations)
     }
 
-    /// Torques of the drives of prescribed joints, N m or N, (n): those that, with friction and end stops, give the joints
-    /// their accelerations. Of other joints, their entry of `joint_command`.
+    /// Torques of the drives of prescribed joints, N m or N, (n): those that, with friction, springs, detents and end
+    /// stops, give the joints their accelerations. Of other joints, their entry of `joint_command`.
     ///
     /// # Errors
     /// As [`Self::accelerations`].

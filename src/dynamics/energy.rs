@@ -20,7 +20,7 @@ pub struct Energy {
     pub kinetic_added: f64,
     /// Potential energy of weight and buoyancy; 0 at the world origin.
     pub potential: f64,
-    /// Elastic energy of the end stops.
+    /// Elastic energy of end stops, springs and detents; 0 at the resting places of springs and detents.
     pub elastic: f64,
     /// Elastic energy of contacts.
     pub contact: f64,
@@ -88,7 +88,7 @@ impl ClosedForm<'_> {
         }
         let rotors = self.equations.joints.iter().zip(&self.qd);
         energy.kinetic_rigid += rotors.map(|(joint, rate)| 0.5 * joint.rotor_inertia * rate * rate).sum::<f64>();
-        energy.elastic = self.end_stops().map(|stop| stop.energy).sum();
+        energy.elastic = self.end_stops().map(|stop| stop.energy).chain(self.springs().map(|(_, energy)| energy)).sum();
         energy
     }
 

@@ -29,8 +29,8 @@ pub struct FossenForm {
     /// `D(nu) nu`, (6+n): linear and quadratic damping, joint friction and the damping of end stops. It opposes the motion:
     /// `nu^T D(nu) nu >= 0` for dissipative coefficients.
     pub damping: DVector<f64>,
-    /// `g(eta)`, (6+n): minus the force of weight, buoyancy and the elastic end stops; the gradient of the potential energy along
-    /// body twist and joint coordinates where the water does not accelerate.
+    /// `g(eta)`, (6+n): minus the force of weight, buoyancy, springs, detents and the elastic end stops; the gradient of the
+    /// potential energy along body twist and joint coordinates where the water does not accelerate.
     pub restoring: DVector<f64>,
 }
 
@@ -75,7 +75,7 @@ impl ClosedForm<'_> {
         let form = self.model.at(&state, still);
         let influence = form.wrench_influence();
         let stops: Vec<_> = form.end_stops().collect();
-        let friction = form.friction();
+        let (friction, springs) = (form.friction(), form.springs().map(|(torque, _)| torque).collect::<Vec<_>>());
         let generalized = |wrenches: &[Vector6<f64>], torque: &dyn Fn(usize) -> f64| {
             let stacked = DVector::from_iterator(6 * wrenches.len(), wrenches.iter().flatten().copied());
             let mut force = &influence * stacked;
@@ -91,7 +91,7 @@ impl ClosedForm<'_> {
         }
         Ok(FossenForm {
             damping: generalized(&damping, &|i| friction[i] + stops[i].damping),
-            restoring: generalized(&form.restoring_in(&gravity), &|i| stops[i].elastic),
+            restoring: generalized(&form.restoring_in(&gravity), &|i| stops[i].elastic + springs[i]),
             coriolis: form.bias().clone(),
             mass_matrix: form.mass_matrix().clone(),
             velocity,

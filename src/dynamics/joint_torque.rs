@@ -1,9 +1,9 @@
-//! Joint torque of actuator, servo, friction and end stops, in lanes.
+//! Joint torque of actuator, servo, friction, springs, detents and end stops, in lanes.
 
 use std::hint::cold_path;
 
-use crate::lane::{Lane, Param, get_all, inverse_sqrt};
-use crate::system::JointTerms;
+use crate::lane::{Lane, Param, get_all, inverse_sqrt, sin_cos};
+use crate::system::{Detent, JointTerms};
 
 /// Torque along +q, N m or N. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
 #[inline(always)]
@@ -21,10 +21,21 @@ pub fn joint_torque<L: Lane, P: Param<L>, B>(
     if let Some(effort) = joint.effort {
         torque = torque.min(effort.get()).max(-effort.get());
     }
-    if let Some(actuator) = &joint.actuator {
+    if let Some(rare) = &joint.rare {
         cold_path();
-        let effort: L = actuator.effort(q);
-        torque = torque.min(effort).max(-effort);
+        if let Some(actuator) = &rare.actuator {
+            let effort: L = actuator.effort(q);
+            torque = torque.min(effort).max(-effort);
+        }
+        if let Some([stiffness, rest]) = rare.spring {
+            torque = stiffness.get().neg_mul_add(q - rest.get(), torque);
+        }
+        if let Some(Detent { torque: maximum, rate, offset }) = rare.detent {
+            torque = maximum.get().neg_mul_add(sin_cos(rate.get() * (q - offset.get())).0, torque);
+        }
+        if let Some(break_away) = &rare.break_away {
+            torque = break_away.slope(qd).neg_mul_add(qd, torque);
+        }
     }
     if let Some(friction) = &joint.friction {
         torque = friction.viscous.get().neg_mul_add(qd, torque);
@@ -106,10 +117,29 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
         decrease = decrease * L::select(effort.lt(demand), effort / demand, L::c(1.0));
         torque = torque.min(effort).max(-effort);
     }
-    if let Some(actuator) = &joint.actuator {
-        let (effort, demand): (L, L) = (actuator.effort(ahead), torque.abs());
-        decrease = decrease * L::select(effort.lt(demand), effort / demand, L::c(1.0));
-        torque = torque.min(effort).max(-effort);
+    if let Some(rare) = &joint.rare {
+        cold_path();
+        if let Some(actuator) = &rare.actuator {
+            let (effort, demand): (L, L) = (actuator.effort(ahead), torque.abs());
+            decrease = decrease * L::select(effort.lt(demand), effort / demand, L::c(1.0));
+            torque = torque.min(effort).max(-effort);
+        }
+        if let Some([stiffness, rest]) = rare.spring {
+            torque = stiffness.get().neg_mul_add(ahead - rest.get(), torque);
+            decrease = (h * stiffness.get()).mul_add(h, decrease);
+        }
+        if let Some(Detent { torque: maximum, rate, offset }) = rare.detent {
+            let (sin, cos) = sin_cos(rate.get() * (ahead - offset.get()));
+            torque = maximum.get().neg_mul_add(sin, torque);
+            // The tangent, where it is a stiffness: a detent pushes away from the middle between its resting places.
+            let stiffness = (maximum.get() * rate.get() * cos).max(L::zero());
+            decrease = (h * stiffness).mul_add(h, decrease);
+        }
+        if let Some(break_away) = &rare.break_away {
+            let slope: L = break_away.slope(qd);
+            torque = slope.neg_mul_add(qd, torque);
+            decrease = slope.mul_add(h, decrease);
+        }
     }
     if let Some(friction) = &joint.friction {
         let mut slope = friction.viscous.get();

@@ -29,7 +29,7 @@ use uvms_gym::batch::{Trim, assess, recommend};
 ///     force of each joint, and its share of the effort). authority (list of dict, one for each axis): axis, alone (maximum
 ///     force or moment along the axis alone, either way, N or N m), maximum (forward and backward, whatever happens along
 ///     the others), acceleration (by `alone`, joints locked, m/s2 or rad/s2). joints (list of dict): name, inertia (apparent,
-///     everything else free, kg m2 or kg), friction, servo, end_stop (rates of these causes, 1/s).
+///     everything else free, kg m2 or kg), friction, servo, spring, detent, end_stop (rates of these causes, 1/s).
 ///
 /// Raises
 /// ------
@@ -66,6 +66,8 @@ pub fn assess_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDic
             "inertia": joint.inertia,
             "friction": joint.friction,
             "servo": joint.servo,
+            "spring": joint.spring,
+            "detent": joint.detent,
             "end_stop": joint.end_stop,
         });
     }

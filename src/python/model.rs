@@ -12,7 +12,7 @@ use super::inputs::{Keywords, StepInputs};
 use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::DensePose;
-use uvms_gym::dynamics::{BodyWrenches, ClosedForm, Contact};
+use uvms_gym::dynamics::{BodyWrenches, ClosedForm, Contact, JointTorques};
 use uvms_gym::error::DynamicsError;
 use uvms_gym::terms::TERMS;
 
@@ -187,13 +187,14 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N, n)
     ///     command (actuators with their servos, limited to the effort; for a prescribed joint the torque that its motion
-    ///     takes), friction, end_stop, and sum, the total tau.
+    ///     takes), friction, spring (springs and detents), end_stop, and sum, the total tau.
     #[pyo3(signature = (**inputs))]
     fn joint_torques<'py>(&self, py: Python<'py>, inputs: Option<Keywords>) -> Arrays<'py> {
         let loads = self.loads(py, &StepInputs::read(&self.inner, inputs)?)?;
-        self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.robot_joints()], |i, form| {
-            let torques = form.joint_torques(&loads[i].loads())?;
-            Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
+        let names = ["command", "friction", "spring", "end_stop", "sum"];
+        self.named(py, names, &[self.inner.robot_joints()], |i, form| {
+            let JointTorques { command, friction, spring, end_stop, sum } = form.joint_torques(&loads[i].loads())?;
+            Ok([command, friction, spring, end_stop, sum].map(|t| t.as_slice().to_vec()))
         })
     }
 
@@ -203,8 +204,8 @@ impl Simulator {
     /// -------
     /// dict of numpy.ndarray (N,)
     ///     kinetic_rigid (bodies, by absolute twists, and rotors, by joint rates), kinetic_added (water set in motion, by
-    ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), contact (elastic), fixtures (all of
-    ///     theirs), total.
+    ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops, springs,
+    ///     detents), contact (elastic), fixtures (all of theirs), total.
     fn energy<'py>(slf: &Bound<'py, Self>) -> Arrays<'py> {
         let (this, py) = (shared(slf)?, slf.py());
         let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "contact", "fixtures", "total"];

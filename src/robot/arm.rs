@@ -11,7 +11,7 @@ use super::servo::{BANDWIDTH, STOP, tune};
 use super::tree::Tree;
 use super::{RobotJoint, RobotJointKind};
 use crate::description::{
-    Arm, BASE, EndEffectorFrame, Frame, Friction, Joint, JointKind, JointLimits, Link, Mount, VEHICLE,
+    Arm, BASE, EndEffectorFrame, Frame, Friction, Joint, JointKind, JointLimits, JointSpring, Link, Mount, VEHICLE,
 };
 
 impl Moving<'_> {
@@ -140,6 +140,8 @@ fn taken_over(joint: &RobotJoint, frame: Frame) -> Joint {
         rotor_inertia: joint.armature,
         prescribed: false,
         friction: Friction { viscous: joint.damping, coulomb: joint.friction, ..Friction::default() },
+        spring: (joint.stiffness > 0.0).then_some(JointSpring { stiffness: joint.stiffness, rest: joint.spring_rest }),
+        detent: None,
         limits,
         effort: joint.effort,
         speed: joint.speed,

@@ -47,7 +47,13 @@ impl Robot {
         if let Some([lower, upper]) = joint.limits.filter(|[lower, upper]| lower > upper) {
             return fault(format!("lower limit is {lower}, but must be below the upper one, {upper}"));
         }
-        for (key, x) in [("damping", joint.damping), ("friction", joint.friction), ("armature", joint.armature)] {
+        let numbers = [
+            ("damping", joint.damping),
+            ("friction", joint.friction),
+            ("armature", joint.armature),
+            ("stiffness", joint.stiffness),
+        ];
+        for (key, x) in numbers {
             if x < 0.0 {
                 return fault(format!("{key} is {x}, but must be >= 0"));
             }

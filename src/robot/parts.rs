@@ -194,6 +194,10 @@ pub struct RobotJoint {
     pub friction: f64,
     /// Reflected inertia of the rotor, kg m2 or kg.
     pub armature: f64,
+    /// Stiffness of a spring, N m/rad or N/m.
+    pub stiffness: f64,
+    /// Coordinate at which the spring rests, rad or m.
+    pub spring_rest: f64,
     /// Coordinate as a function of another joint's.
     pub mimic: Option<Mimic>,
 }

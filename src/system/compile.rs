@@ -1,10 +1,15 @@
 //! Compilation of a scene to the constants of the kernel.
 
+use std::f64::consts::TAU;
+
 use super::bodies::{Part, merged};
 use super::contact::contact_terms;
 use super::factors::UnscaledBodyTerms;
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, placed, pose, tidy, vector};
-use super::model::{Actuator, Branch, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo, WORLD};
+use super::model::{
+    Actuator, Branch, BreakAway, Detent, Friction, JointScrew, JointTerms, Limits, RareTerms, Servo, System,
+    VehicleServo, WORLD,
+};
 use super::propulsion::thrusters;
 use crate::description::{EndEffectorFrame, Joint, LinearActuator, Parent, Scene, Vehicle};
 use crate::lane::Shared;
@@ -156,7 +161,7 @@ pub fn compile(scene: &Scene) -> Compiled {
                 limits: limits(joint),
                 servo: servo(joint),
                 effort: joint.effort,
-                actuator: joint.actuator.as_ref().map(actuator),
+                rare: rare_terms(joint).map(Box::new),
             }
         })
         .collect();
@@ -223,6 +228,24 @@ fn friction(joint: &Joint) -> Option<Friction<f64>> {
 fn servo(joint: &Joint) -> Option<Servo<f64>> {
     let gains = joint.servo.as_ref().filter(|s| s.kp != 0.0 || s.kd != 0.0)?;
     Some(Servo { kp: gains.kp, kd: gains.kd })
+}
+
+fn rare_terms(joint: &Joint) -> Option<RareTerms<f64>> {
+    let excess = joint.friction.at_rest() - joint.friction.coulomb;
+    let break_away = joint.friction.stribeck_speed.filter(|_| excess != 0.0).map(|speed| BreakAway {
+        excess,
+        decay: 1.0 / (speed * speed),
+        speed_squared: joint.friction.coulomb_speed * joint.friction.coulomb_speed,
+    });
+    let spring = joint.spring.as_ref().filter(|spring| spring.stiffness != 0.0);
+    let detent = joint.detent.as_ref().filter(|detent| detent.torque != 0.0);
+    let terms = RareTerms {
+        actuator: joint.actuator.as_ref().map(actuator),
+        spring: spring.map(|spring| [spring.stiffness, spring.rest]),
+        detent: detent.map(|detent| Detent { torque: detent.torque, rate: TAU / detent.period, offset: detent.offset }),
+        break_away,
+    };
+    (terms != RareTerms::default()).then_some(terms)
 }
 
 fn actuator(given: &LinearActuator) -> Actuator<f64> {

@@ -3,7 +3,7 @@
 use super::JOINTS;
 use crate::contact::ContactTerms;
 use crate::hydro::{CentralFrameTerms, Damping, FrameRotation, Restoring, Thruster};
-use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, no_numbers, numbers, sin_cos};
+use crate::lane::{Lane, Numbers, Param, RunVisitor, get_all, inverse_sqrt, no_numbers, numbers, sin_cos};
 use crate::spatial::{LinkTwist, PointMass, SpatialInertia};
 use crate::terms::VehicleTerms;
 
@@ -88,8 +88,8 @@ numbers! {
         pub servo: Option<Servo<P>>,
         /// Maximum actuator torque, N m or N.
         pub effort: Option<P>,
-        /// Linear actuator, whose maximum torque replaces `effort`.
-        pub actuator: Option<Actuator<P>>,
+        /// Terms that few joints have, behind one test.
+        pub rare: Option<Box<RareTerms<P>>>,
     }
 }
 
@@ -106,6 +106,60 @@ pub struct Branch {
 }
 
 no_numbers!(Branch);
+
+numbers! {
+    /// Terms that few joints have.
+    #[derive(Debug, Clone, Copy, PartialEq, Default)]
+    pub struct RareTerms<P> {
+        /// Linear actuator, whose maximum torque replaces [`JointTerms::effort`].
+        pub actuator: Option<Actuator<P>>,
+        /// Stiffness and rest coordinate of a spring.
+        pub spring: Option<[P; 2]>,
+        /// Detent.
+        pub detent: Option<Detent<P>>,
+        /// Static friction.
+        pub break_away: Option<BreakAway<P>>,
+    }
+}
+
+numbers! {
+    /// `-torque sin(rate (q - offset))`
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Detent<P> {
+        /// Maximum torque, N m or N.
+        pub torque: P,
+        /// `2 pi` by the distance between resting places.
+        pub rate: P,
+        /// Coordinate of a resting place.
+        pub offset: P,
+    }
+}
+
+numbers! {
+    /// Static friction beyond Coulomb friction, `-excess / (1 + decay qd^2) qd / sqrt(qd^2 + speed^2)`.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct BreakAway<P> {
+        /// Static less Coulomb friction, N m or N.
+        pub excess: P,
+        /// `1 / v^2` with the speed v at which half of the excess is left.
+        pub decay: P,
+        /// Square of the speed over which friction is smoothed.
+        pub speed_squared: P,
+    }
+}
+
+impl<P: Copy> BreakAway<P> {
+    /// Friction by speed.
+    #[inline(always)]
+    pub fn slope<L: Lane>(&self, qd: L) -> L
+    where
+        P: Param<L>,
+    {
+        let square = qd * qd;
+        let excess = self.excess.get() / square.mul_add(self.decay.get(), L::c(1.0));
+        excess * inverse_sqrt(square + self.speed_squared.get())
+    }
+}
 
 numbers! {
     /// A linear actuator of a revolute joint, with the maximum torque `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`, N m.

@@ -70,8 +70,9 @@ pub fn structural_difference(one: &Compiled, other: &Compiled, joints: &[String]
 }
 
 /// Terms of a joint: key, whether two joints differ in it, and how.
-fn joint_differences(a: &JointTerms<()>, b: &JointTerms<()>) -> [(&'static str, bool, &'static str); 9] {
+fn joint_differences(a: &JointTerms<()>, b: &JointTerms<()>) -> [(&'static str, bool, &'static str); 12] {
     let absent = "whether it is 0 or absent";
+    let [one, other] = [a, b].map(|joint| joint.rare.as_deref().copied().unwrap_or_default());
     [
         (".kind", a.is_prismatic() != b.is_prismatic(), "whether it is prismatic"),
         (".prescribed", a.prescribed != b.prescribed, "its value"),
@@ -85,6 +86,9 @@ fn joint_differences(a: &JointTerms<()>, b: &JointTerms<()>) -> [(&'static str, 
         (".limits", a.limits != b.limits, absent),
         (".servo", a.servo != b.servo, absent),
         (".effort", a.effort != b.effort, absent),
-        (".actuator", a.actuator != b.actuator, absent),
+        (".actuator", one.actuator != other.actuator, absent),
+        (".spring", one.spring != other.spring, absent),
+        (".detent", one.detent != other.detent, absent),
+        (".friction.static", one.break_away != other.break_away, "whether it exceeds coulomb"),
     ]
 }

@@ -76,7 +76,7 @@ fn max_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> 
     }
     let torque = |(k, joint): (usize, &&Joint)| {
         let unit = if joint.slides() { PRISMATIC_PER_RADIAN } else { 1.0 };
-        let friction = joint.friction.viscous * unit + joint.friction.coulomb;
+        let friction = joint.friction.viscous * unit + joint.friction.at_rest();
         let [free, fixed] = ACCELERATION.map(|acceleration| acceleration * unit);
         let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(fixed * inertia[k]);
         joint.effort.map_or(enough, |effort| effort.min(enough))

@@ -98,7 +98,8 @@ def test_val_rates_of_a_joint_by_their_causes() -> None:
     """A uniform link on a fixed base: I = I_c + m c^2 + rotor."""
     joint = {
         "kind": "revolute", "axis": [0.0, 0.0, 1.0], "rotor_inertia": 0.01,
-        "friction": {"viscous": 0.3, "coulomb": 0.2, "coulomb_speed": 0.05},
+        "friction": {"viscous": 0.3, "coulomb": 0.2, "coulomb_speed": 0.05, "static": 0.25, "stribeck_speed": 1.0},
+        "spring": {"stiffness": 20.0}, "detent": {"torque": 0.4, "period": 0.5},
         "limits": {"lower": -1.0, "upper": 1.0, "stiffness": 30.0}, "servo": {"kp": 12.0, "kd": 9.0},
     }  # fmt: skip
     link = {
@@ -116,12 +117,14 @@ def test_val_rates_of_a_joint_by_their_causes() -> None:
     (found,) = assessed["joints"]
     inertia = 0.3 + 2.0 * 0.25 + 0.01
     assert found["inertia"] == pytest.approx(inertia, rel=1e-12)
-    assert found["friction"] == pytest.approx((0.3 + 0.2 / 0.05) / inertia, rel=1e-12)
+    assert found["friction"] == pytest.approx((0.3 + 0.25 / 0.05) / inertia, rel=1e-12)
     assert found["servo"] == pytest.approx(max(-np.roots([inertia, 9.0, 12.0])), rel=1e-9)
     assert found["end_stop"] == pytest.approx(np.sqrt(30.0 / inertia), rel=1e-12)
+    assert found["spring"] == pytest.approx(np.sqrt(20.0 / inertia), rel=1e-12)
+    assert found["detent"] == pytest.approx(np.sqrt(0.4 * 2.0 * np.pi / 0.5 / inertia), rel=1e-12)
     # Too fast for 0.01 s: the doubt names the cause.
     assert uvms_gym.lint_scene(scene) == []
-    joint["friction"]["coulomb"] = 20.0
+    joint["friction"] |= {"coulomb": 20.0, "static": 20.0}
     (doubt,) = uvms_gym.lint_scene(scene)
     assert (
         doubt.startswith("arm.links[0].joint.friction (l): the rate of 4.9") and "too fast for mk4 at 0.01 s" in doubt

@@ -50,6 +50,7 @@ def complete() -> dict[str, Any]:
         body["damping"]["linear"] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]
     for joint in joints(scene):
         joint["friction"] = {"viscous": 1.0, "coulomb": 0.1, "coulomb_speed": 0.05}
+        joint["spring"] = {"stiffness": 0.5, "rest": 0.1}
         joint["limits"] = {"lower": -2.0, "upper": 2.0, "stiffness": 20.0, "damping": 1.0}
         joint["home"] = 0.0
         joint["effort"] = 9.0

@@ -204,6 +204,9 @@ LEFT_OUT = {
     "fixtures": "fixtures: valve",
     "coulomb_speed": "smooth Coulomb friction",
     "actuator": "maximum torque of a linear actuator",
+    "static": "static friction",
+    "stribeck_speed": "static friction",
+    "detent": "detents",
 }
 LEFT_OUT_OF = {
     mjcf.export: {"speed": "maximum speed of references", "thruster_lag": "thruster"},
@@ -214,6 +217,7 @@ LEFT_OUT_OF = {
         "thrusters": "thrusters: surge-left",
         "thruster_lag": "thrusters: surge-left",
         "servo": "gains of",
+        "spring": "springs",
         "home": "joint coordinates at the start",
         "inertia": "-",
     },
@@ -242,6 +246,9 @@ def full_scene() -> dict[str, Any]:
     scene = uvms_gym.load_scene(tomllib.loads(uvms_gym.scene_template()))
     scene["water"]["current"] = [0.1, 0.0, 0.0]
     options = {"lag": 0.1, "dead_band": 0.5, "ambient_flow": 0.3, "deduction": 0.1}
+    joint = scene["arm"]["links"][0]["joint"]
+    joint["friction"] |= {"static": 0.08, "stribeck_speed": 0.2}
+    joint |= {"spring": {"stiffness": 0.5, "rest": 0.1}, "detent": {"torque": 0.1, "period": 0.5, "offset": 0.1}}
     scene["vehicle"]["thrusters"][0] |= options | {"induced": [0.0, 0.1, 0.0, 0.01, 0.0, 0.0]}
     joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "rotor_inertia": 0.01}
     scene["fixtures"] = [{"name": "valve", "joint": joint}]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import uvms_gym
 from uvms_gym import SceneError, Simulator, import_robot
 from uvms_gym._importing import mjcf, read_robot
 from uvms_gym.robots import import_with_notes
@@ -23,7 +24,7 @@ ARM = """<mujoco model="arm"><compiler angle="radian" eulerseq="XYZ"/>
   <joint name="yaw" axis="0.2 0.1 1" pos="0.03 -0.01 0.02" range="-2 2" frictionloss="0.3"/>
   <body name="two" pos="0.3 0 0.05" euler="0.3 1.570796325794896 0.4">
    <inertial pos="0.05 0 0.1" quat="0.9 0.1 0.3 0.2" mass="0.8" diaginertia="0.003 0.004 0.005"/>
-   <joint name="pitch" axis="0 1 0" ref="0.4" pos="0 0.02 0" stiffness="3"/>
+   <joint name="pitch" axis="0 1 0" ref="0.4" pos="0 0.02 0" stiffness="3" springref="0.25"/>
    <body name="three" pos="0 0.1 0.2" euler="-0.2 -1.5707 2.9">
     <joint name="reach" type="slide" axis="0 0.6 0.8" ref="0.05" range="-0.1 0.3" pos="0.04 0 0"/>
     <geom type="capsule" size="0.03 0.1" mass="0.5"/>
@@ -101,9 +102,29 @@ def test_joints_have_the_numbers_of_mjcf(tmp_path: Path) -> None:
     assert (yaw["kind"], pitch["kind"], reach["kind"]) == ("revolute", "continuous", "prismatic")
     assert (yaw["limits"], yaw["effort"], yaw["friction"]) == ([-2.0, 2.0], 30.0, 0.3)
     assert (wrist["effort"], wrist["armature"], wrist["damping"]) == (4.0, 0.001, 0.1)
-    assert [note for note in robot["notes"] if "spring" in note] == [
-        "pitch: its spring of 3 N m/rad is left out: scenes have none"
-    ]
+    assert [(joint["stiffness"], joint["spring_rest"]) for joint in (pitch, wrist)] == [(3.0, 0.25), (0.0, 0.0)]
+
+
+def test_val_springs_of_mjcf_pull_as_in_mujoco_there_and_back(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    path = written(tmp_path, ARM)
+    imported, notes = import_with_notes(path, vehicle="free-body")
+    assert not any("spring" in note for note in notes)
+    joint = imported["arm"]["links"][1]["joint"]
+    assert joint["spring"] == {"stiffness": 3.0, "rest": 0.25}
+    back = written(tmp_path, uvms_gym.export_mjcf(imported), "back.xml")
+    rng = np.random.default_rng(7)
+    for file in (path, back):
+        model = mujoco.MjModel.from_xml_path(str(file))
+        data = mujoco.MjData(model)
+        q = rng.uniform(-0.1, 0.3, 4)
+        data.qpos[-4:] = q
+        mujoco.mj_forward(model, data)
+        simulator = Simulator(imported)
+        simulator.set_state(q=q)
+        torques = simulator.joint_torques()["spring"][0]
+        np.testing.assert_allclose(torques, data.qfrc_spring[-4:], rtol=1e-12, atol=1e-14)
+        assert torques[1] == pytest.approx(-3.0 * (q[1] - 0.25), rel=1e-12)
 
 
 def test_val_a_vehicle_of_mjcf_is_the_one_of_mujoco(tmp_path: Path) -> None:

@@ -345,7 +345,10 @@ fn a_linear_actuator_limits_torque_by_its_lever() {
     scene.arm.as_mut().unwrap().links[1].joint.friction.viscous = 0.0;
     scene.check().unwrap();
     let compiled = compile(&scene);
-    assert!(compiled.system.joints[1].actuator.is_some() && compiled.system.joints[1].effort.is_none());
+    assert!(
+        compiled.system.joints[1].rare.as_deref().is_some_and(|rare| rare.actuator.is_some())
+            && compiled.system.joints[1].effort.is_none()
+    );
     for q in [-0.5, 0.0, 0.6] {
         let mut state = State::default();
         state.q[1] = q;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
-use uvms_gym::description::{Body, Damping, Friction, Scene};
+use uvms_gym::description::{Body, Damping, Detent, Friction, JointSpring, Scene};
 use uvms_gym::dynamics::Loads;
 use uvms_gym::dynamics::dense::{angular, linear, stack};
 use uvms_gym::system::State;
@@ -93,6 +93,22 @@ pub fn branched() -> Scene {
     for (link, parent) in scene.arm.as_mut().unwrap().links.iter_mut().zip(["base", "yaw", "yaw", "forearm", "vehicle"])
     {
         link.parent = Some(parent.into());
+    }
+    scene.check().unwrap();
+    scene
+}
+
+/// PETASUS-PUM with springs, detents and static friction at its joints.
+pub fn sprung() -> Scene {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    scene.name = "petasus-pum, sprung".into();
+    for (k, joint) in scene.joints_mut().enumerate() {
+        let part = 0.2 * k as f64;
+        joint.spring = Some(JointSpring { stiffness: 30.0 - 20.0 * part, rest: joint.home + part });
+        joint.detent = Some(Detent { torque: 4.0 - 3.0 * part, period: 0.4, offset: part });
+        let friction = &mut joint.friction;
+        (friction.coulomb_speed, friction.stribeck_speed) = (friction.coulomb_speed.max(0.05), Some(0.2));
+        friction.break_away = Some(1.5 * friction.coulomb + 0.1);
     }
     scene.check().unwrap();
     scene

@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use uvms_gym::description::{
-    Arm, Body, Damping, EndEffectorFrame, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind, JointLimits,
-    JointServo, Link, Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo, Water,
+    Arm, Body, Damping, Detent, EndEffectorFrame, ForwardDamping, Frame, Friction, InertiaPoint, Joint, JointKind,
+    JointLimits, JointServo, JointSpring, Link, Mount, Payload, Provenance, Scene, Thruster, Vehicle, VehicleServo,
+    Water,
 };
 use uvms_gym::system::State;
 
@@ -152,6 +153,8 @@ impl Random {
             limits: None,
             effort: None,
             actuator: None,
+            spring: None,
+            detent: None,
             speed: Some(0.5),
             servo: None,
             home,
@@ -161,6 +164,12 @@ impl Random {
             joint.friction.viscous = self.between(0.1, 1.0);
             joint.friction.coulomb = self.between(0.0, 0.3);
             joint.friction.coulomb_speed = 0.1;
+            if home < -0.2 {
+                joint.friction.break_away = Some(joint.friction.coulomb - home);
+                joint.friction.stribeck_speed = Some(0.3);
+            }
+            joint.spring = (home < 0.1).then_some(JointSpring { stiffness: 3.0 + home, rest: -home });
+            joint.detent = (home > -0.1).then_some(Detent { torque: 0.5 + home, period: 0.8, offset: 0.2 * home });
             let (lower, upper) = (home - self.between(0.3, 1.0), home + self.between(0.3, 1.0));
             joint.limits = Some(JointLimits { lower, upper, stiffness: self.between(5.0, 20.0), damping: 5.0 });
             joint.effort = Some(self.between(1.0, 20.0));

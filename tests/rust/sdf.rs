@@ -1,7 +1,7 @@
 //! Robots from SDF files: poses, axes, joints, worlds.
 
 use nalgebra::Vector3;
-use uvms_gym::description::{Frame, Scene};
+use uvms_gym::description::{Frame, JointSpring, Scene};
 use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::robot::{Assembly, Robot, RobotJoint, RobotJointKind};
 use uvms_gym::system::State;
@@ -90,6 +90,24 @@ fn a_pose_of_the_joint_moves_the_link_and_leaves_its_body() {
         |robot: &Robot| (robot.links[1].inertial.as_ref().unwrap().position.z, robot.links[1].shapes[0].position.z);
     assert_eq!((place(&plain), place(&moved)), ((0.1, 0.5), (1.1, 1.5)));
     assert_eq!((moved.joints[0].limits, moved.joints[0].effort), (Some([-1.0, 2.0]), None));
+}
+
+#[test]
+fn a_spring_of_an_axis_becomes_the_joints() {
+    let links = link("a", ">0 0 0 0 0 0", "") + &link("b", ">0 0 1 0 0 0", "");
+    let of = |dynamics: &str| {
+        let axis = format!("<axis><xyz>0 0 1</xyz><dynamics>{dynamics}</dynamics></axis>");
+        model("1.6", &(links.clone() + &joint("j", "revolute", ["a", "b"], &axis)))
+    };
+    let spring = "<spring_reference>0.3</spring_reference><spring_stiffness>2.5</spring_stiffness>";
+    let robot = read(&of(spring));
+    assert!(robot.notes.is_empty(), "{:?}", robot.notes);
+    assert_eq!((robot.joints[0].stiffness, robot.joints[0].spring_rest), (2.5, 0.3));
+    let scene: Scene = Assembly::default().of(&robot).unwrap().scene;
+    let expected = JointSpring { stiffness: 2.5, rest: 0.3 };
+    assert_eq!(scene.arm.unwrap().links[0].joint.spring, Some(expected));
+    let error = Robot::from_text(&of("<spring_stiffness>-1</spring_stiffness>"), "m.sdf").unwrap_err().to_string();
+    assert!(error.contains("spring_stiffness") && error.contains("-1"), "{error}");
 }
 
 #[test]

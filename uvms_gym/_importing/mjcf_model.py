@@ -206,11 +206,9 @@ class _Reader:
             "damping": float(np.ravel(model.dof_damping[dof])[0]),
             "friction": float(model.dof_frictionloss[dof]),
             "armature": float(model.dof_armature[dof]),
+            "stiffness": float(np.ravel(model.jnt_stiffness[joint])[0]),
+            "spring_rest": float(model.qpos_spring[model.jnt_qposadr[joint]]),
         }
-        stiffness = float(np.ravel(model.jnt_stiffness[joint])[0])
-        if stiffness > 0.0:
-            unit = "N/m" if slides else "N m/rad"
-            self.notes.append(f"{name}: its spring of {stiffness:g} {unit} is left out: scenes have none")
         for key, values in (("damping", "dof_dampingpoly"), ("stiffness", "jnt_stiffnesspoly")):
             index = dof if key == "damping" else joint
             if np.any(np.ravel(getattr(model, values, np.zeros((index + 1, 1)))[index])):

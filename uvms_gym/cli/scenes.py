@@ -197,9 +197,10 @@ def _show_assessment(simulator: uvms_gym.Simulator, assessed: dict[str, Any]) ->
         ]
         table("Authority, N or N m", ("axis", "forward", "backward", "alone", "m/s2 or rad/s2"), rows)
     if assessed["joints"]:
-        causes = ("inertia", "friction", "servo", "end_stop")
+        causes = ("inertia", "friction", "servo", "spring", "detent", "end_stop")
         rows = [(joint["name"], *(f"{joint[cause]:.3g}" for cause in causes)) for joint in assessed["joints"]]
-        table("Rates of joints by their cause, 1/s", ("joint", "inertia", "friction", "servo", "end stop"), rows)
+        heads = ("joint", *(cause.replace("_", " ") for cause in causes))
+        table("Rates of joints by their cause, 1/s", heads, rows)
 
 
 def _freedom(simulator: uvms_gym.Simulator) -> int:

@@ -14,10 +14,10 @@ from uvms_gym.export import mjcf, urdf
 def export_mjcf(scene: str | PathLike[str] | dict[str, Any]) -> str:
     """MJCF text of a scene, for MuJoCo.
 
-    Bodies, inertias, joints (armature, viscous friction, Coulomb friction as `frictionloss`, ranges), thrusters as
-    actuators at sites, joint servos or motors with their maximum torque, and the pose at the start as key "home".
-    Buoyancy is `gravcomp`, which acts at the centre of mass. Units are SI, x forward, y left, z up. Comments at the top
-    list what MJCF cannot express, first of all added mass and damping by the water.
+    Bodies, inertias, joints (armature, viscous friction, Coulomb friction as `frictionloss`, springs, ranges),
+    thrusters as actuators at sites, joint servos or motors with their maximum torque, and the pose at the start as key
+    "home". Buoyancy is `gravcomp`, which acts at the centre of mass. Units are SI, x forward, y left, z up. Comments at
+    the top list what MJCF cannot express, first of all added mass and damping by the water.
 
     Parameters
     ----------

@@ -68,6 +68,8 @@ def _omissions(scene: dict[str, Any], links: list[Link]) -> list[str]:
         links,
         limits="stiffness and damping of end stops (ranges have MuJoCo's)",
         friction__coulomb="smooth Coulomb friction (frictionloss is constant)",
+        friction__static="static friction",
+        detent="detents",
         actuator="maximum torque of a linear actuator, by the angle",
         speed="maximum speed of references",
         prescribed="prescribed motion (a servo or motor drives the joint)",
@@ -87,6 +89,8 @@ def add_body(parent: ET.Element, link: Link, *, free: bool = True) -> ET.Element
         kind, friction = "slide" if link.prismatic else "hinge", link.joint["friction"]
         joint = ET.SubElement(body, "joint", name=link.name, type=kind, axis=numbers(link.axis))
         terms = {"damping": friction["viscous"], "frictionloss": friction.get("coulomb")}
+        if spring := link.joint.get("spring"):
+            terms |= {"stiffness": spring["stiffness"], "springref": spring["rest"]}
         for key, value in (terms | {"armature": link.joint.get("rotor_inertia")}).items():
             if value:
                 joint.set(key, numbers(value))

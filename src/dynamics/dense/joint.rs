@@ -1,9 +1,11 @@
-//! Joint kinematics, friction, actuator torque and end stops.
+//! Joint kinematics, friction, spring, detent, actuator torque and end stops.
+
+use std::f64::consts::TAU;
 
 use nalgebra::{Vector3, Vector6};
 
 use super::se3::{DensePose, stack};
-use crate::description::Joint;
+use crate::description::{Detent, Joint, JointSpring};
 
 /// Joint matrix E: twist of the child in its own frame per joint rate. `[HC eq. 9]`
 pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
@@ -17,11 +19,31 @@ pub fn joint_pose(joint: &Joint, q: f64) -> DensePose {
     DensePose::from_frame(&joint.frame) * motion
 }
 
-/// Friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`, N m or N.
+/// Friction `-(viscous qd + c(qd) qd / sqrt(qd^2 + coulomb_speed^2))`, N m or N, with the dry part c by Stribeck's law.
 pub fn friction(joint: &Joint, qd: f64) -> f64 {
     let friction = &joint.friction;
     let direction = if qd == 0.0 { 0.0 } else { qd / qd.hypot(friction.coulomb_speed) };
-    -(friction.viscous * qd + friction.coulomb * direction)
+    let excess = friction.at_rest() - friction.coulomb;
+    let dry = match friction.stribeck_speed {
+        Some(speed) => friction.coulomb + excess / (1.0 + (qd / speed).powi(2)),
+        None => friction.coulomb,
+    };
+    -(friction.viscous * qd + dry * direction)
+}
+
+/// Torque of spring and detent, N m or N, and their energy, J, which is 0 where they rest.
+pub fn spring(joint: &Joint, q: f64) -> (f64, f64) {
+    let (mut torque, mut energy) = (0.0, 0.0);
+    if let Some(JointSpring { stiffness, rest }) = joint.spring {
+        torque -= stiffness * (q - rest);
+        energy += 0.5 * stiffness * (q - rest).powi(2);
+    }
+    if let Some(Detent { torque: maximum, period, offset }) = joint.detent {
+        let angle = TAU * (q - offset) / period;
+        torque -= maximum * angle.sin();
+        energy += maximum * period / TAU * (1.0 - angle.cos());
+    }
+    (torque, energy)
 }
 
 /// Actuator torque, N m or N: `command` plus the servo's torque towards `target` `(q_d, q_d')`, limited to the effort.

@@ -6,6 +6,6 @@ mod rigid_body;
 mod se3;
 
 pub use contact::{DenseContact, MovingFrame};
-pub use joint::{EndStop, actuator_torque, friction, joint_axis, joint_pose};
+pub use joint::{EndStop, actuator_torque, friction, joint_axis, joint_pose, spring};
 pub use rigid_body::{DenseBody, relative_twist};
 pub use se3::{DensePose, ad, angular, blocks, force_at, linear, stack};

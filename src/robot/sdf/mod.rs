@@ -246,9 +246,8 @@ fn limits(axis: &Element, joint: &mut RobotJoint) -> Result<()> {
     if let Some(dynamics) = axis.child("dynamics")? {
         joint.damping = dynamics.at_least_zero_value("damping")?.unwrap_or(0.0);
         joint.friction = dynamics.at_least_zero_value("friction")?.unwrap_or(0.0);
-        if dynamics.value("spring_stiffness")?.is_some_and(|stiffness| stiffness != 0.0) {
-            dynamics.note("<spring_stiffness> is not read");
-        }
+        joint.stiffness = dynamics.at_least_zero_value("spring_stiffness")?.unwrap_or(0.0);
+        joint.spring_rest = dynamics.value("spring_reference")?.unwrap_or(0.0);
     }
     if let Some(mimic) = axis.child("mimic")? {
         let number = |tag, default| Ok(mimic.value(tag)?.unwrap_or(default));

@@ -130,11 +130,7 @@ fn keys_without_effect_have_none() {
             "hydrodynamic_frame = { position = [0.0, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }",
         ),
         (Place::Joints, "-speed", "speed = 0.4"),
-        (
-            Place::Joints,
-            "-friction.coulomb; -friction.coulomb_speed",
-            "-friction.coulomb; friction.coulomb_speed = 0.7",
-        ),
+        (Place::Joints, "-friction", "-friction; friction.coulomb_speed = 0.7"),
     ];
     for (name, base) in scenes() {
         let scene = read(&base);

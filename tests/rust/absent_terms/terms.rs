@@ -3,7 +3,7 @@
 use uvms_gym::hydro::CoefficientMatrix;
 use uvms_gym::lane::Shared;
 use uvms_gym::spatial::SpatialInertia;
-use uvms_gym::system::{BodyTerms, Compiled, JointTerms, UnscaledBodyTerms};
+use uvms_gym::system::{BodyTerms, Compiled, JointTerms, RareTerms, UnscaledBodyTerms};
 
 use super::edit::{Edit, Place};
 
@@ -35,13 +35,17 @@ fn joints(compiled: &Compiled, holds: fn(&JointTerms<Shared<f64>>) -> bool) -> b
     compiled.system.joints.iter().all(holds)
 }
 
+fn rare(joint: &JointTerms<Shared<f64>>) -> RareTerms<Shared<f64>> {
+    joint.rare.as_deref().copied().unwrap_or_default()
+}
+
 fn no_added(parts: &Parts) -> bool {
     parts.added == SpatialInertia::zero().map(Shared)
 }
 
 const BODIES: &[Place] = &[Place::Vehicle, Place::Links, Place::Bodies];
 
-pub const TERMS: [Term; 14] = [
+pub const TERMS: [Term; 17] = [
     Term {
         name: "added mass",
         places: BODIES,
@@ -95,17 +99,41 @@ pub const TERMS: [Term; 14] = [
         absent: "-friction",
         zero: &[
             "-friction; friction = {}",
-            "friction = { viscous = 0.0, coulomb = 0.0 }",
-            "-friction.viscous; friction.coulomb = 0.0",
+            "friction = { viscous = 0.0, coulomb = 0.0, static = 0.0 }",
+            "-friction.viscous; friction.coulomb = 0.0; friction.static = 0.0",
         ],
-        dropped: |_, compiled| joints(compiled, |joint| joint.friction.is_none()),
+        dropped: |_, compiled| joints(compiled, |joint| joint.friction.is_none() && rare(joint).break_away.is_none()),
     },
     Term {
         name: "Coulomb friction",
         places: &[Place::Joints],
-        absent: "-friction.coulomb; -friction.coulomb_speed",
-        zero: &["friction.coulomb = 0.0", "-friction.coulomb"],
-        dropped: |_, compiled| joints(compiled, |joint| joint.friction.is_some_and(|f| f.coulomb.is_none())),
+        absent: "-friction.coulomb; -friction.coulomb_speed; -friction.static; -friction.stribeck_speed",
+        zero: &["friction.coulomb = 0.0; friction.static = 0.0", "-friction.coulomb; friction.static = 0.0"],
+        dropped: |_, compiled| {
+            let dry = |joint: &JointTerms<Shared<f64>>| joint.friction.is_some_and(|f| f.coulomb.is_some());
+            joints(compiled, |joint| rare(joint).break_away.is_none()) && !compiled.system.joints.iter().any(dry)
+        },
+    },
+    Term {
+        name: "static friction",
+        places: &[Place::Joints],
+        absent: "friction.coulomb = 0.2; -friction.static; -friction.stribeck_speed",
+        zero: &["friction.coulomb = 0.2; friction.static = 0.2"],
+        dropped: |_, compiled| joints(compiled, |joint| rare(joint).break_away.is_none()),
+    },
+    Term {
+        name: "spring",
+        places: &[Place::Joints],
+        absent: "-spring",
+        zero: &["spring.stiffness = 0.0"],
+        dropped: |_, compiled| joints(compiled, |joint| rare(joint).spring.is_none()),
+    },
+    Term {
+        name: "detent",
+        places: &[Place::Joints],
+        absent: "-detent",
+        zero: &["detent.torque = 0.0"],
+        dropped: |_, compiled| joints(compiled, |joint| rare(joint).detent.is_none()),
     },
     Term {
         name: "end stops",

@@ -1,7 +1,7 @@
 //! Derivatives of steps: values as in the steps, bit for bit, and slopes as by differences with 106 bits.
 
 use crate::batch::inputs::{GENTLE, RandomInputs};
-use crate::cases::branched;
+use crate::cases::{branched, sprung};
 use crate::contact::wrestling;
 use crate::double_double::DoubleDouble;
 use crate::random_scene::{Options, Random, random_scene, random_state};
@@ -82,7 +82,8 @@ pub fn production() -> impl Iterator<Item = &'static str> {
     Integrator::NAMES.into_iter().filter(|entry| entry.kind == IntegratorKind::Production).map(|entry| entry.name)
 }
 
-/// The shipped scenes, a tree, one with contact and fixtures, one with all terms of thrusters, one with prescribed joints, and random ones, with all terms of joints.
+/// The shipped scenes, a tree, one with contact and fixtures, one with all terms of thrusters, one with prescribed joints, one with
+/// springs and detents, and random ones, with all terms of joints.
 pub fn scenes() -> Vec<Scene> {
     let mut scenes: Vec<_> = Scene::shipped_names().into_iter().map(|name| Scene::shipped(name).unwrap()).collect();
     let mut dynamic = Scene::shipped("petasus-pum").unwrap();
@@ -94,7 +95,7 @@ pub fn scenes() -> Vec<Scene> {
     let mut prescribed = Scene::shipped("petasus-pum").unwrap();
     let joints = prescribed.arm.iter_mut().flat_map(|arm| &mut arm.links).map(|link| &mut link.joint);
     joints.for_each(|joint| joint.prescribed = true);
-    scenes.extend([dynamic, prescribed, branched(), wrestling()]);
+    scenes.extend([dynamic, prescribed, branched(), wrestling(), sprung()]);
     scenes.extend((0..6).map(|seed| random_scene(seed, Options::default())));
     scenes
 }

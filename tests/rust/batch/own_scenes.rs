@@ -3,8 +3,8 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::{
-    Body, EndEffectorFrame, Fin, Frame, InertiaPoint, Joint, JointKind, JointLimits, JointServo, LinearActuator, Scene,
-    Tether, ThrustMap,
+    Body, Detent, EndEffectorFrame, Fin, Frame, InertiaPoint, Joint, JointKind, JointLimits, JointServo, JointSpring,
+    LinearActuator, Scene, Tether, ThrustMap,
 };
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::{Factors, State};
@@ -153,6 +153,14 @@ fn vary_joint(joint: &mut Joint, random: &mut Random, gentle: bool) {
         limits.upper += random.between(0.02, 0.1);
         (limits.stiffness, limits.damping) = (limits.stiffness * factor(random), limits.damping * factor(random));
     }
+    let speed = friction.stribeck_speed.iter_mut().chain(&mut friction.break_away);
+    let spring = joint.spring.iter_mut().flat_map(|spring| [&mut spring.stiffness, &mut spring.rest]);
+    let detents = joint.detent.iter_mut();
+    let detent = detents.flat_map(|detent| [&mut detent.torque, &mut detent.period, &mut detent.offset]);
+    for number in speed.chain(spring).chain(detent) {
+        *number *= factor(random);
+    }
+    friction.break_away = friction.break_away.map(|value| value.max(1.1 * friction.coulomb));
     vary_option(&mut joint.effort, random);
     if let Some(servo) = &mut joint.servo {
         (servo.kp, servo.kd) = (servo.kp * factor(random), servo.kd * factor(random));
@@ -197,6 +205,12 @@ fn complete(mut scene: Scene) -> Scene {
             link.joint.rotor_inertia = if i % 2 == 0 { 0.05 } else { 0.02 };
             link.joint.servo = Some(JointServo { kp: 20.0, kd: 2.0 });
             link.joint.effort = Some(8.0);
+            link.joint.spring = (i % 2 == 1).then_some(JointSpring { stiffness: 3.0, rest: 0.2 });
+            link.joint.detent = (i % 3 != 0).then_some(Detent { torque: 0.2, period: 0.5, offset: 0.1 });
+            if i % 2 == 0 {
+                let friction = &mut link.joint.friction;
+                (friction.break_away, friction.stribeck_speed) = (Some(friction.coulomb + 0.2), Some(0.3));
+            }
             let (lower, upper) = (link.joint.home - 0.3, link.joint.home + 0.4);
             link.joint.limits = Some(JointLimits { lower, upper, stiffness: 50.0, damping: 1.0 });
             if link.joint.kind == JointKind::Revolute && i % 3 == 1 {

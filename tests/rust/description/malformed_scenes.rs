@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use toml::Value;
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
-use uvms_gym::description::{Body, Frame, Joint, LinearActuator, Scene, Tether, ThrustMap};
+use uvms_gym::description::{Body, Detent, Frame, Joint, JointSpring, LinearActuator, Scene, Tether, ThrustMap};
 use uvms_gym::error::DescriptionError;
 
 fn text(name: &str) -> String {
@@ -143,9 +143,12 @@ fn weight_and_buoyancy_that_contradict() {
     refused_body("density = 0.0", "density = -1.0", &["water.density", "-1"]);
 }
 
+const SPEED: &str = "coulomb_speed = 0.1\n";
+const HOME: &str = "home = 0.3\n";
+
 #[test]
 fn joints_that_cannot_be() {
-    let cases: [(&str, &str, &[&str]); 10] = [
+    let cases: [(&str, &str, &[&str]); 21] = [
         ("axis = [0.0, -1.0, 0.0]", "axis = [0, 0, 0]", &["arm.links[1].joint.axis (upper-arm)", "[0.0, 0.0, 0.0]"]),
         ("upper = 1.4\n", "upper = -0.4\n", &["arm.links[1].joint.limits (upper-arm)", "[-0.35, -0.4]"]),
         ("home = 0.3\n", "home = 1.5\n", &["arm.links[1].joint.home", "1.5", "[-0.35, 1.4]"]),
@@ -156,6 +159,25 @@ fn joints_that_cannot_be() {
         ("effort = 150.0\n", "effort = -150.0\n", &["arm.links[1].joint.effort", "-150"]),
         ("speed = 0.5\n", "speed = 0\n", &["arm.links[0].joint.speed", "is 0"]),
         ("kp = 2400.0\n", "kp = -2400.0\n", &["arm.links[1].joint.servo.kp", "-2400"]),
+        (
+            SPEED,
+            "static = 0.1\nstribeck_speed = 0.1\n",
+            &["arm.links[0].joint.friction.static (yaw)", "0.1", "coulomb"],
+        ),
+        (SPEED, "static = 9.0\n", &["arm.links[0].joint.friction.stribeck_speed (yaw)", "missing"]),
+        (SPEED, "stribeck_speed = 0.1\n", &["arm.links[0].joint.friction.static (yaw)", "missing"]),
+        (SPEED, "static = 9.0\nstribeck_speed = 0.0\n", &["joint.friction.stribeck_speed (yaw)", "> 0"]),
+        (HOME, "spring = { stiffness = -1.0 }\nhome = 0.3\n", &["arm.links[1].joint.spring.stiffness", "-1", ">= 0"]),
+        (HOME, "spring = { rest = 1.0 }\nhome = 0.3\n", &["arm.links[1].joint.spring", "stiffness"]),
+        (HOME, "spring = { stiffness = 1.0, rest = nan }\nhome = 0.3\n", &["arm.links[1].joint.spring.rest", "NaN"]),
+        (HOME, "detent = { torque = 1.0 }\nhome = 0.3\n", &["arm.links[1].joint.detent", "period"]),
+        (HOME, "detent = { torque = 1.0, period = 0.0 }\nhome = 0.3\n", &["arm.links[1].joint.detent.period", "> 0"]),
+        (HOME, "detent = { torque = -1.0, period = 1.0 }\nhome = 0.3\n", &["arm.links[1].joint.detent.torque", ">= 0"]),
+        (
+            HOME,
+            "detent = { torque = 1.0, period = 1.0, step = 2 }\nhome = 0.3\n",
+            &["arm.links[1].joint.detent", "step"],
+        ),
     ];
     cases.into_iter().for_each(|(old, new, parts)| refused("petasus-pum", old, new, parts));
 }
@@ -316,6 +338,9 @@ fn everything() -> String {
     let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
     (joint.effort, joint.limits) = (None, None);
     joint.actuator = Some(LinearActuator { base: 0.3, lever: 0.08, angle: 1.2, force: 500.0 });
+    joint.spring = Some(JointSpring { stiffness: 2.0, rest: 0.1 });
+    joint.detent = Some(Detent { torque: 0.1, period: 0.5, offset: 0.1 });
+    (joint.friction.break_away, joint.friction.stribeck_speed) = (Some(0.5), Some(0.1));
     scene.to_toml_string()
 }
 

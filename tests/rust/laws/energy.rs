@@ -4,7 +4,7 @@ use uvms_gym::batch::Inputs;
 use uvms_gym::description::Scene;
 
 use super::joints::{Sway, later};
-use crate::cases::{branched, simulator_at};
+use crate::cases::{branched, simulator_at, sprung};
 use crate::random_scene::{Random, random_state};
 
 /// Simulated time, s.
@@ -78,7 +78,7 @@ fn petasus() -> Scene {
 
 #[test]
 fn energy_is_what_the_powers_put_in() {
-    for scene in [petasus(), branched()] {
+    for scene in [petasus(), branched(), sprung()] {
         let residuals = [0.01, 0.005, 0.0025].map(|h| ledger(scene.clone(), h, false, false));
         assert!(residuals[0] < 1e-7, "{residuals:?}");
         assert!(residuals[1] < residuals[0] / 8.0 && residuals[2] < residuals[1] / 8.0, "it converges: {residuals:?}");

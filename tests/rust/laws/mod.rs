@@ -12,6 +12,7 @@ mod momentum;
 mod order;
 mod prescribed;
 mod rotors;
+mod springs;
 mod stiffness;
 mod table1;
 mod trees;

@@ -1,9 +1,9 @@
 //! Observed orders of convergence on the tumbling 11-DoF system, every pair printed.
 
-use uvms_gym::description::Scene;
+use uvms_gym::description::{Friction, Scene};
 use uvms_gym::system::State;
 
-use crate::cases::{branched, distance, drift, tumbling, tumbling_scene};
+use crate::cases::{branched, distance, drift, sprung, tumbling, tumbling_scene};
 
 /// Simulated time, s.
 const TIME: f64 = 2.0;
@@ -76,6 +76,21 @@ fn integrators_keep_their_order_on_a_tree() {
     assert!(study.uncertainty < 1e-11);
     for (integrator, order, first) in [("mk4", 4.0, 6), ("mk2", 2.0, 6), ("semi-implicit-euler", 1.0, 9)] {
         let observed = study.order(integrator, first, first + 4);
+        assert!((observed - order).abs() < 0.1, "{integrator}: {observed}");
+    }
+}
+
+#[test]
+fn integrators_keep_their_order_against_springs_detents_and_static_friction() {
+    let (mut scene, start) = tumbling(false);
+    for (joint, sprung) in scene.joints_mut().zip(sprung().joints()) {
+        (joint.spring, joint.detent) = (sprung.spring.clone(), sprung.detent.clone());
+        joint.friction = Friction { coulomb_speed: 0.5, ..sprung.friction.clone() };
+    }
+    let study = Study::new((scene, start), 8192);
+    assert!(study.uncertainty < 1e-11);
+    for (integrator, order) in [("mk4", 4.0), ("mk2", 2.0)] {
+        let observed = study.order(integrator, 7, 11);
         assert!((observed - order).abs() < 0.1, "{integrator}: {observed}");
     }
 }

@@ -16,6 +16,8 @@ fn joint(limits: Option<[f64; 2]>, home: f64, speed: Option<f64>) -> Joint {
         limits: limits.map(|[lower, upper]| JointLimits { lower, upper, stiffness: 100.0, damping: 0.0 }),
         effort: None,
         actuator: None,
+        spring: None,
+        detent: None,
         speed,
         servo: None,
         home,

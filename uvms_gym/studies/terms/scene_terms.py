@@ -164,7 +164,16 @@ _BODY_KINDS = (
 _ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion says nothing about others"
 _JOINT_KINDS = (
     _number("joint friction, viscous", "friction", "viscous", 0.0),
-    _number("joint friction, Coulomb", "friction", "coulomb", 0.0),
+    _Kind(
+        "joint friction, Coulomb",
+        lambda joint, _: joint["friction"]["coulomb"] or joint["friction"].get("static"),
+        lambda joint, _: joint.update(friction={"viscous": joint["friction"]["viscous"]}),
+    ),
+    _Kind(
+        "springs, detents",
+        lambda joint, _: "spring" in joint or "detent" in joint,
+        lambda joint, _: [joint.pop(key, None) for key in ("spring", "detent")],
+    ),
     _Kind(
         "end stops",
         lambda joint, _: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,

@@ -169,7 +169,7 @@ fn bad_input_is_refused_with_its_numbers() {
 fn joints_resist_as_described() {
     let mut scene = scene(false);
     for link in &mut scene.arm.as_mut().unwrap().links {
-        link.joint.friction = Friction { viscous: 0.5, coulomb: 0.2, coulomb_speed: 0.05 };
+        link.joint.friction = Friction { viscous: 0.5, coulomb: 0.2, coulomb_speed: 0.05, ..Friction::default() };
         link.joint.limits = Some(JointLimits { lower: -0.5, upper: 0.4, stiffness: 40.0, damping: 3.0 });
     }
     let mut at = State::default();

@@ -1,5 +1,7 @@
 //! The recursion in O(n) against dense matrices, and against the explicit form where the step vanishes.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Joint, Scene};
 use uvms_gym::dynamics::ClosedFormModel;
@@ -145,6 +147,20 @@ impl Case {
         let rubbing = friction.viscous + friction.coulomb / qd.hypot(friction.coulomb_speed);
         torque -= rubbing * qd;
         slope += rubbing;
+        if let Some(speed) = friction.stribeck_speed {
+            let excess = (friction.at_rest() - friction.coulomb) / (1.0 + (qd / speed).powi(2));
+            torque -= excess * qd / qd.hypot(friction.coulomb_speed);
+            slope += excess / qd.hypot(friction.coulomb_speed);
+        }
+        if let Some(spring) = &joint.spring {
+            torque -= spring.stiffness * (then - spring.rest);
+            slope += h * spring.stiffness;
+        }
+        if let Some(detent) = &joint.detent {
+            let angle = TAU / detent.period * (then - detent.offset);
+            torque -= detent.torque * angle.sin();
+            slope += h * (detent.stiffness() * angle.cos()).max(0.0);
+        }
         if let Some(limits) = &joint.limits {
             let beyond = then - then.clamp(limits.lower, limits.upper);
             torque -= limits.stiffness * beyond + limits.damping * beyond.abs() * qd;
