@@ -102,13 +102,13 @@ pub fn branched() -> Scene {
 pub fn sprung() -> Scene {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
     scene.name = "petasus-pum, sprung".into();
-    for (k, joint) in scene.joints_mut().enumerate() {
-        let part = 0.2 * k as f64;
-        joint.spring = Some(JointSpring { stiffness: 30.0 - 20.0 * part, rest: joint.home + part });
-        joint.detent = Some(Detent { torque: 4.0 - 3.0 * part, period: 0.4, offset: part });
+    for joint in scene.joints_mut() {
+        let servo = joint.servo.as_ref().unwrap();
+        joint.spring = Some(JointSpring { stiffness: 0.02 * servo.kp, rest: joint.home + 0.1 });
+        joint.detent = Some(Detent { torque: 0.001 * servo.kp, period: 0.4, offset: 0.1 });
         let friction = &mut joint.friction;
-        (friction.coulomb_speed, friction.stribeck_speed) = (friction.coulomb_speed.max(0.05), Some(0.2));
-        friction.break_away = Some(1.5 * friction.coulomb + 0.1);
+        friction.break_away = Some(friction.coulomb + 0.01 * friction.viscous);
+        friction.stribeck_speed = Some(0.2);
     }
     scene.check().unwrap();
     scene

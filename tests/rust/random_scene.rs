@@ -165,7 +165,7 @@ impl Random {
             joint.friction.coulomb = self.between(0.0, 0.3);
             joint.friction.coulomb_speed = 0.1;
             if home < -0.2 {
-                joint.friction.break_away = Some(joint.friction.coulomb - home);
+                joint.friction.break_away = Some(joint.friction.coulomb - 0.1 * home);
                 joint.friction.stribeck_speed = Some(0.3);
             }
             joint.spring = (home < 0.1).then_some(JointSpring { stiffness: 3.0 + home, rest: -home });

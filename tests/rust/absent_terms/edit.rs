@@ -104,7 +104,7 @@ pub fn scenes() -> [(&'static str, Value); 2] {
         );
         // The states are beyond these limits.
         let joints = "servo = { kp = 8.0, kd = 0.5 }; limits.lower = -0.1; limits.upper = 0.1; \
-                      friction.static = 0.6; friction.stribeck_speed = 0.3; \
+                      friction.static = 0.9; friction.stribeck_speed = 0.3; \
                       spring = { stiffness = 2.0, rest = 0.1 }; detent = { torque = 0.3, period = 0.7, offset = 0.1 }";
         (name, Place::Joints.edited(&scene, joints))
     })
