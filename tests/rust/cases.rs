@@ -50,7 +50,7 @@ pub fn dry(body: &Body) -> Body {
     Body { added_mass: Matrix6::zeros(), ..still }
 }
 
-/// The scene without gravity, drag, joint friction and end stops.
+/// The scene without gravity, drag, and friction, springs, detents and end stops of joints.
 pub fn lossless(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     scene.water.gravity = Vector3::zeros();
@@ -62,7 +62,7 @@ pub fn lossless(scene: &Scene) -> Scene {
     if let Some(arm) = &mut scene.arm {
         for joint in arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)) {
             joint.friction = Friction::default();
-            joint.limits = None;
+            (joint.limits, joint.spring, joint.detent) = (None, None, None);
         }
     }
     scene
@@ -105,10 +105,10 @@ pub fn sprung() -> Scene {
     for joint in scene.joints_mut() {
         let servo = joint.servo.as_ref().unwrap();
         joint.spring = Some(JointSpring { stiffness: 0.02 * servo.kp, rest: joint.home + 0.1 });
-        joint.detent = Some(Detent { torque: 0.001 * servo.kp, period: 0.4, offset: 0.1 });
+        joint.detent = Some(Detent { torque: 0.001 * servo.kp, period: 0.8, offset: 0.1 });
         let friction = &mut joint.friction;
         friction.break_away = Some(friction.coulomb + 0.01 * friction.viscous);
-        friction.stribeck_speed = Some(0.2);
+        friction.stribeck_speed = Some(0.4);
     }
     scene.check().unwrap();
     scene
