@@ -4,6 +4,7 @@
 mod arrays;
 mod assessment;
 mod computation;
+mod contacts;
 mod controllers;
 mod derivatives;
 mod disturbance;
