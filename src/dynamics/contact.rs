@@ -151,10 +151,9 @@ pub(super) fn relative_motion<L: Lane>(
 ) -> (RelativeMotion<L>, Vector3<L>) {
     let in_body = body.point_in_body(*center);
     let twist = sphere.motion_at(*point) - body.motion_at(in_body);
-    let to_shape = |v| pose.rotation.apply_transposed(v);
     let motion = RelativeMotion {
-        center: to_shape(*center - pose.position),
-        twist: Vector6 { linear: to_shape(twist.linear), angular: to_shape(twist.angular) },
+        center: pose.rotation.apply_transposed(*center - pose.position),
+        twist: pose.rotation.apply_both_transposed(twist),
     };
     (motion, in_body)
 }
@@ -209,10 +208,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
                 cold_path();
                 let force = contact_force(&shape.geometry, &shape.law, sphere.radius.get(), &motion);
                 let ((place, point, _), (body, pose)) = (sphere_at, shape_at);
-                let wrench = Vector6 {
-                    linear: pose.rotation.apply(force.wrench.linear),
-                    angular: pose.rotation.apply(force.wrench.angular),
-                };
+                let wrench = pose.rotation.apply_both(force.wrench);
                 contact.add(sphere.body, place.wrench_of(point, wrench));
                 if shape.body > 0 {
                     contact.add(shape.body, body.wrench_of(in_body, -wrench));

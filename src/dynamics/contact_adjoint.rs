@@ -80,10 +80,6 @@ impl<L: Lane> Routine<L> for ContactAdjoint<'_, L> {
                     continue;
                 }
                 let ((place, point, center), (body, pose)) = (sphere_at, shape_at);
-                let to_shape = |v: Vector6<L>| Vector6 {
-                    linear: pose.rotation.apply_transposed(v.linear),
-                    angular: pose.rotation.apply_transposed(v.angular),
-                };
                 let of_sphere = Place { twist: dual_of(sphere.body, of_instant.wrench, dual), ..place };
                 let of_shape = match shape.body {
                     0 => Place::world(),
@@ -95,17 +91,15 @@ impl<L: Lane> Routine<L> for ContactAdjoint<'_, L> {
                 // Velocities u and dual velocities l of both bodies, each with its cotangent.
                 let (mut moves, mut turns) = (of.center, Vector3::zero());
                 let pairs = [(&place, &body, of.twist), (&of_sphere, &of_shape, wrench)];
-                for (sphere, shape, g) in pairs {
-                    let (a, b) = (to_shape(sphere.motion_at(point)), to_shape(shape.motion_at(in_body)));
+                for k in 0..pairs.len() {
+                    let (sphere, shape, g) = pairs[k];
+                    let a = pose.rotation.apply_both_transposed(sphere.motion_at(point));
+                    let b = pose.rotation.apply_both_transposed(shape.motion_at(in_body));
                     moves = moves - g.linear.cross(b.angular);
                     turns = turns + a.linear.cross(g.linear) + a.angular.cross(g.angular);
                 }
-                let to_world = |v: Vector6<L>| Vector6 {
-                    linear: pose.rotation.apply(v.linear),
-                    angular: pose.rotation.apply(v.angular),
-                };
-                let displacement = to_world(Vector6 { linear: moves, angular: turns });
-                let twist = to_world(of.twist);
+                let displacement = pose.rotation.apply_both(Vector6 { linear: moves, angular: turns });
+                let twist = pose.rotation.apply_both(of.twist);
                 let of_sphere = BodySums {
                     displacement: place.wrench_of(point, displacement),
                     twist: place.wrench_of(point, twist),

@@ -53,6 +53,20 @@ impl<L: Lane> Vector6<L> {
     }
 }
 
+impl<L: Lane> Matrix3<L> {
+    /// Both parts of a 6-vector, rotated.
+    #[inline(always)]
+    pub fn apply_both(&self, x: Vector6<L>) -> Vector6<L> {
+        Vector6 { linear: self.apply(x.linear), angular: self.apply(x.angular) }
+    }
+
+    /// Both parts of a 6-vector, rotated back.
+    #[inline(always)]
+    pub fn apply_both_transposed(&self, x: Vector6<L>) -> Vector6<L> {
+        Vector6 { linear: self.apply_transposed(x.linear), angular: self.apply_transposed(x.angular) }
+    }
+}
+
 impl<L: Lane> Add for Vector6<L> {
     type Output = Self;
     #[inline(always)]
