@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
+use uvms_gym::description::{Detent, Fixture, JointSpring};
 use uvms_gym::dynamics::aba::ArmLoads;
 use uvms_gym::dynamics::{ClosedFormModel, Loads, linearize};
 use uvms_gym::system::{Flow, JOINTS, State, compile};
@@ -23,7 +24,14 @@ pub fn states(count: u64) -> Vec<State> {
 
 #[test]
 fn accelerations_are_those_of_the_twin() {
-    let scene = wrestling();
+    let mut scene = wrestling();
+    assert!(!scene.fixtures.is_empty());
+    for Fixture { joint, .. } in &mut scene.fixtures {
+        joint.spring = Some(JointSpring { stiffness: 3.0, rest: 0.4 });
+        joint.detent = Some(Detent { torque: 0.5, period: 0.6, offset: 0.1 });
+        joint.friction.break_away = Some(joint.friction.coulomb + 0.3);
+        joint.friction.stribeck_speed = Some(0.2);
+    }
     let (model, states) = (ClosedFormModel::new(&scene).unwrap(), states(40));
     let flow = Flow { velocity: Vector3::new(0.1, -0.2, 0.05), acceleration: Vector3::new(0.02, 0.01, -0.03) };
     let options = SimulatorOptions { instances: states.len(), ..SimulatorOptions::default() };
