@@ -23,9 +23,9 @@ use crate::system::{JOINTS, System};
 /// Cotangents of place and motion of a body, in its frame.
 #[derive(Debug, Clone, Copy)]
 struct BodySums<L> {
-    /// Of a displacement of the body.
+    /// Cotangent of a displacement of the body.
     displacement: Vector6<L>,
-    /// Of its absolute twist.
+    /// Cotangent of its absolute twist.
     twist: Vector6<L>,
 }
 

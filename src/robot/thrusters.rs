@@ -30,10 +30,10 @@ const THIN: f64 = 0.1;
 /// Thrusters that the vehicle of a file gets.
 #[derive(Debug, Clone, Copy, Default)]
 pub enum ThrusterSource<'a> {
-    /// Those of the file; where it states none, assumed ones.
+    /// Thrusters of the file; where it states none, assumed ones.
     #[default]
     FileOrAssumed,
-    /// Those of the file, or none.
+    /// Thrusters of the file, or none.
     File,
     /// Assumed ones, in the place of the file's.
     Assumed,
