@@ -9,7 +9,6 @@ import pytest
 import uvms_gym
 from uvms_gym import SceneError, Simulator, import_robot
 from uvms_gym._importing import mjcf, read_robot
-from uvms_gym._scene import joints
 from uvms_gym.robots import import_with_notes
 from uvms_gym.studies.speed.rigid_bodies import dry
 
@@ -77,9 +76,6 @@ def test_val_an_arm_of_mjcf_is_the_one_of_mujoco(tmp_path: Path) -> None:
     path = written(tmp_path, ARM)
     scene = dry(import_robot(path, vehicle="free-body", tip="tool"))
     scene["water"]["gravity"] = [0.0, 0.0, -9.81]
-    # MuJoCo's bias is without springs.
-    for joint in joints(scene):
-        joint.pop("spring", None)
     simulator, model = Simulator(scene), mujoco.MjModel.from_xml_path(str(path))
     data, rng = mujoco.MjData(model), np.random.default_rng(1)
     assert simulator.q.shape == (1, 4)
