@@ -175,8 +175,12 @@ pub struct ContactWrenches<'a, L, P, B> {
     pub system: &'a System<P, B>,
     /// True at the start of a step.
     pub is_start: bool,
-    /// Place of the vehicle; by reference, as copies of it would be calls.
-    pub vehicle: &'a Place<L>,
+    /// Pose of the vehicle relative to the water since the start of the step; by reference, as copies of it would be calls.
+    pub pose: &'a Pose<L>,
+    /// Time since then, s.
+    pub elapsed: L,
+    /// Twist of the vehicle relative to the water.
+    pub twist: Vector6<L>,
     /// Joint coordinates.
     pub q: &'a [L; JOINTS],
     /// Joint rates.
@@ -188,11 +192,12 @@ pub struct ContactWrenches<'a, L, P, B> {
 impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { system, is_start, vehicle, q, qd, scratch } = self;
+        let Self { system, is_start, pose, elapsed, twist, q, qd, scratch } = self;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
-        let Scratch { links, contact, .. } = &mut **scratch;
+        let Scratch { links, contact, water, .. } = &mut **scratch;
+        let vehicle = &water.place(pose, *elapsed, *twist);
         let n = system.chain().len();
-        link_places(system, *is_start, *vehicle, (q, qd), &mut links[..n], &mut contact.places);
+        link_places(system, *is_start, vehicle, (q, qd), &mut links[..n], &mut contact.places);
         contact.vehicle = Vector6::zero();
         for i in 0..n {
             contact.links[i] = Vector6::zero();
@@ -200,7 +205,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
         for shape in shapes {
             let shape_at = shape_at(shape, &contact.places);
             for sphere in spheres {
-                let sphere_at = sphere_at(sphere, *vehicle, &contact.places);
+                let sphere_at = sphere_at(sphere, vehicle, &contact.places);
                 let (motion, in_body) = relative_motion(&sphere_at, &shape_at);
                 if !touches(shape, sphere, motion.center, L::zero()) {
                     continue;
@@ -251,17 +256,18 @@ const ACCELERATION: f64 = 10.0;
 impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
     #[inline(always)]
     fn run(&mut self) {
-        let ContactWrenches { system, vehicle, q, qd, scratch, .. } = &mut self.at;
+        let ContactWrenches { system, pose, elapsed, twist, q, qd, scratch, .. } = &mut self.at;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
-        let Scratch { links, contact, .. } = &mut **scratch;
+        let Scratch { links, contact, water, .. } = &mut **scratch;
+        let vehicle = &water.place(pose, *elapsed, *twist);
         let n = system.chain().len();
-        link_places(system, true, *vehicle, (q, qd), &mut links[..n], &mut contact.places);
+        link_places(system, true, vehicle, (q, qd), &mut links[..n], &mut contact.places);
         let (h, zero) = (self.h, L::zero());
         let mut square = zero;
         for shape in shapes {
             let shape_at = shape_at(shape, &contact.places);
             for sphere in spheres {
-                let (motion, _) = relative_motion(&sphere_at(sphere, *vehicle, &contact.places), &shape_at);
+                let (motion, _) = relative_motion(&sphere_at(sphere, vehicle, &contact.places), &shape_at);
                 let v = motion.twist.linear;
                 let reach = (v.dot(v).sqrt() + L::c(0.5 * ACCELERATION) * h).mul_add(h, sphere.radius.get());
                 let Distance { distance, normal } = shape.geometry.distance(motion.center);

@@ -116,11 +116,12 @@ fn accelerations_along(
     };
     if system.contact.is_some() {
         let position = lie::Vector3(std::array::from_fn(|k| dual(state.position[k], 0.0)));
-        let vehicle = scratch.water.place(&Pose { rotation, position }, zero, twist);
         Dual::call(&mut ContactWrenches {
             system,
             is_start: true,
-            vehicle: &vehicle,
+            pose: &Pose { rotation, position },
+            elapsed: zero,
+            twist,
             q: &q,
             qd: &qd,
             scratch: &mut scratch,

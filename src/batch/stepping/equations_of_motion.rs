@@ -120,9 +120,8 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
     ) {
         if system.contact.is_some() {
             cold_path();
-            let vehicle = self.scratch.water.place(&at.pose(), elapsed, twist);
-            let scratch = &mut *self.scratch;
-            L::call(&mut ContactWrenches { system, is_start, vehicle: &vehicle, q, qd, scratch });
+            let (pose, scratch) = (&at.pose(), &mut *self.scratch);
+            L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }
     }
 }
@@ -149,11 +148,12 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         cold_path();
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(&motion.q, system.chain().len(), &mut sums);
-        let vehicle = self.scratch.water.place(&motion.pose, L::zero(), motion.twist);
         let at = ContactWrenches {
             system,
             is_start: true,
-            vehicle: &vehicle,
+            pose: &motion.pose,
+            elapsed: L::zero(),
+            twist: motion.twist,
             q,
             qd: &motion.qd,
             scratch: &mut *self.scratch,

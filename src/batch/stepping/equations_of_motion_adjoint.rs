@@ -184,9 +184,10 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             None
         };
         self.scratch.scratch.water = water;
-        if let (Some((_, vehicle)), true) = (vehicle, system.contact.is_some()) {
-            let scratch = &mut self.scratch.scratch;
-            L::call(&mut ContactWrenches { system, is_start: true, vehicle: &vehicle, q, qd, scratch });
+        if system.contact.is_some() {
+            let (pose, scratch) = (&start.times(&exp_se3(theta)), &mut self.scratch.scratch);
+            let (is_start, elapsed) = (true, begin);
+            L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }
         if let Some(h) = size {
             let step = Ahead { h, vehicle_servo: self.equations.station.is_some() };
