@@ -8,7 +8,7 @@ use super::link::{LinkScratch, add_joint_rate, joint_screws};
 use super::place::Place;
 use crate::contact::{ContactTerms, Distance, RelativeMotion, ShapeTerms, SphereTerms, contact_force};
 use crate::lane::{Lane, Param, Routine, get_all};
-use crate::lie::{Pose, Vector3, Vector6};
+use crate::lie::{Pose, Vector3, Vector6, exp_se3};
 use crate::system::{JOINTS, JointScrew, JointTerms, System, WORLD};
 
 /// Places and motion of the bodies in the world, and the wrenches of contacts on them.
@@ -175,8 +175,9 @@ pub struct ContactWrenches<'a, L, P, B> {
     pub system: &'a System<P, B>,
     /// True at the start of a step.
     pub is_start: bool,
-    /// Pose of the vehicle relative to the water since the start of the step; by reference, as copies of it would be calls.
-    pub pose: &'a Pose<L>,
+    /// Pose of the vehicle at a start, relative to the water since the start of the step, and its motion since that start in
+    /// exponential coordinates. (By reference: a copy would be a call.)
+    pub pose: (&'a Pose<L>, Option<Vector6<L>>),
     /// Time since then, s.
     pub elapsed: L,
     /// Twist of the vehicle relative to the water.
@@ -189,13 +190,22 @@ pub struct ContactWrenches<'a, L, P, B> {
     pub scratch: &'a mut Scratch<L>,
 }
 
+/// Pose after a motion in exponential coordinates.
+#[inline(always)]
+fn moved<L: Lane>((start, theta): (&Pose<L>, Option<Vector6<L>>)) -> Pose<L> {
+    match theta {
+        Some(theta) => start.times(&exp_se3(theta)),
+        None => *start,
+    }
+}
+
 impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { system, is_start, pose, elapsed, twist, q, qd, scratch } = self;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
         let Scratch { links, contact, water, .. } = &mut **scratch;
-        let vehicle = &water.place(pose, *elapsed, *twist);
+        let vehicle = &water.place(&moved(*pose), *elapsed, *twist);
         let n = system.chain().len();
         link_places(system, *is_start, vehicle, (q, qd), &mut links[..n], &mut contact.places);
         contact.vehicle = Vector6::zero();
@@ -259,7 +269,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
         let ContactWrenches { system, pose, elapsed, twist, q, qd, scratch, .. } = &mut self.at;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
         let Scratch { links, contact, water, .. } = &mut **scratch;
-        let vehicle = &water.place(pose, *elapsed, *twist);
+        let vehicle = &water.place(&moved(*pose), *elapsed, *twist);
         let n = system.chain().len();
         link_places(system, true, vehicle, (q, qd), &mut links[..n], &mut contact.places);
         let (h, zero) = (self.h, L::zero());

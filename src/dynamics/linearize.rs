@@ -119,7 +119,7 @@ fn accelerations_along(
         Dual::call(&mut ContactWrenches {
             system,
             is_start: true,
-            pose: &Pose { rotation, position },
+            pose: (&Pose { rotation, position }, None),
             elapsed: zero,
             twist,
             q: &q,

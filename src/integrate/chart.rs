@@ -74,6 +74,10 @@ impl<L: Lane> StagePose<L> for Increment<'_, L> {
         }
     }
     #[inline(always)]
+    fn start_and_motion(&self) -> (&Pose<L>, Option<Vector6<L>>) {
+        (self.start, self.theta)
+    }
+    #[inline(always)]
     fn pose(&self) -> Pose<L> {
         match self.theta {
             Some(theta) => self.start.times(&exp_se3(theta)),

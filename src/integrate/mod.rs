@@ -59,6 +59,8 @@ pub trait StagePose<L: Lane> {
     fn is_start(&self) -> bool;
     /// A world vector in body axes.
     fn to_body(&self, world: Vector3<L>) -> Vector3<L>;
+    /// Pose at the step's start, and the motion since then, if any, in exponential coordinates.
+    fn start_and_motion(&self) -> (&Pose<L>, Option<Vector6<L>>);
     /// The whole pose.
     fn pose(&self) -> Pose<L>;
 }

@@ -37,7 +37,7 @@ pub enum ThrusterSource<'a> {
     File,
     /// Assumed ones, in the place of the file's.
     Assumed,
-    /// Those of another scene's vehicle.
+    /// Thrusters of another scene's vehicle.
     Scene(&'a Scene),
 }
 

@@ -72,7 +72,6 @@ AROUND_STEPS = {
 OF_CONTACT = {
     ROUTINE + r".*8dynamics7contact(15ContactWrenches|11ContactRate)": "contact, where a scene has it",
     r"10std_detect|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
-    r"^memcpy$": "copies the pose at the start of a step, where a scene has contact",
 }
 # What routines on dual numbers may call: a 6-vector of them has 384 bytes, and the compiler writes out copies of
 # at most 8 stores, 256 bytes of AVX2. Explicit methods copy one a stage, linearly implicit ones at most five.

@@ -75,7 +75,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench = wrench + station.wrench(gains, &vehicle);
                 }
                 if system.contact.is_some() {
-                    let (pose, q, qd, scratch) = (&motion.pose, &motion.q, &motion.qd, &mut scratch);
+                    let (pose, q, qd, scratch) = ((&motion.pose, None), &motion.q, &motion.qd, &mut scratch);
                     let (is_start, elapsed) = (true, L::zero());
                     L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
                     wrench = wrench + scratch.contact.vehicle;

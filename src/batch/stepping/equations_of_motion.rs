@@ -120,7 +120,7 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
     ) {
         if system.contact.is_some() {
             cold_path();
-            let (pose, scratch) = (&at.pose(), &mut *self.scratch);
+            let (pose, scratch) = (at.start_and_motion(), &mut *self.scratch);
             L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }
     }
@@ -151,7 +151,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let at = ContactWrenches {
             system,
             is_start: true,
-            pose: &motion.pose,
+            pose: (&motion.pose, None),
             elapsed: L::zero(),
             twist: motion.twist,
             q,

@@ -185,7 +185,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         };
         self.scratch.scratch.water = water;
         if system.contact.is_some() {
-            let (pose, scratch) = (&start.times(&exp_se3(theta)), &mut self.scratch.scratch);
+            let (pose, scratch) = ((start, Some(theta)), &mut self.scratch.scratch);
             let (is_start, elapsed) = (true, begin);
             L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }

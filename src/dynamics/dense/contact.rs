@@ -5,15 +5,6 @@ use nalgebra::{Vector2, Vector3};
 use super::se3::DensePose;
 use crate::description::{ContactGeometry, ContactLaw};
 
-/// Nearest point of a surface, seen from a point in the shape's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Nearest {
-    /// Signed distance, m; negative inside.
-    distance: f64,
-    /// Outward normal.
-    normal: Vector3<f64>,
-}
-
 /// A sphere, or a shape, in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MovingFrame {
@@ -46,41 +37,29 @@ pub struct DenseContact {
     pub power: f64,
 }
 
-/// Nearest point of a solid `|x_k| <= half_k` in each of the coordinates.
-fn of_intervals<const K: usize>(x: [f64; K], half: [f64; K]) -> (f64, [f64; K]) {
-    let clamped: [f64; K] = std::array::from_fn(|k| x[k].clamp(-half[k], half[k]));
-    let offset: [f64; K] = std::array::from_fn(|k| x[k] - clamped[k]);
+/// Outward normal of a solid `|x_k| <= half_k` in each of the coordinates, at the point of its surface nearest to x.
+fn of_intervals<const K: usize>(x: [f64; K], half: [f64; K]) -> [f64; K] {
+    let offset: [f64; K] = std::array::from_fn(|k| x[k] - x[k].clamp(-half[k], half[k]));
     let distance = offset.iter().map(|d| d * d).sum::<f64>().sqrt();
     if distance > 0.0 {
-        return (distance, offset.map(|d| d / distance));
+        return offset.map(|d| d / distance);
     }
     let nearest = (0..K).fold(0, |best, k| if x[k].abs() - half[k] > x[best].abs() - half[best] { k } else { best });
-    let normal = std::array::from_fn(|k| if k == nearest { 1f64.copysign(x[k]) } else { 0.0 });
-    (x[nearest].abs() - half[nearest], normal)
+    std::array::from_fn(|k| if k == nearest { 1f64.copysign(x[k]) } else { 0.0 })
 }
 
-fn nearest(geometry: &ContactGeometry, point: &Vector3<f64>) -> Nearest {
+/// Outward normal at the point of the surface nearest to a point in the shape's frame.
+fn normal(geometry: &ContactGeometry, point: &Vector3<f64>) -> Vector3<f64> {
     let radial = Vector2::new(point.x, point.y);
     let rho = radial.norm();
     let outward = if rho > 0.0 { radial / rho } else { Vector2::zeros() };
-    let turned = |across: f64, along: f64| Vector3::new(outward.x * across, outward.y * across, along);
-    let (distance, normal) = match *geometry {
-        ContactGeometry::Plane => (point.z, Vector3::z()),
-        ContactGeometry::Box { size } => {
-            let (distance, normal) = of_intervals((*point).into(), (size / 2.0).into());
-            (distance, normal.into())
-        }
-        ContactGeometry::Cylinder { radius, length } => {
-            let (distance, [across, along]) = of_intervals([rho, point.z], [radius, length / 2.0]);
-            (distance, turned(across, along))
-        }
-        ContactGeometry::Torus { radius, tube } => {
-            let from_circle = Vector2::new(rho - radius, point.z);
-            let distance = from_circle.norm();
-            (distance - tube, turned(from_circle.x / distance, from_circle.y / distance))
-        }
-    };
-    Nearest { distance, normal }
+    let turned = |[across, along]: [f64; 2]| Vector3::new(outward.x * across, outward.y * across, along);
+    match *geometry {
+        ContactGeometry::Plane => Vector3::z(),
+        ContactGeometry::Box { size } => of_intervals((*point).into(), (size / 2.0).into()).into(),
+        ContactGeometry::Cylinder { radius, length } => turned(of_intervals([rho, point.z], [radius, length / 2.0])),
+        ContactGeometry::Torus { radius, .. } => turned(Vector2::new(rho - radius, point.z).normalize().into()),
+    }
 }
 
 impl DenseContact {
@@ -93,10 +72,9 @@ impl DenseContact {
         law: &ContactLaw,
     ) -> Self {
         let center = sphere.pose.position;
-        let Nearest { distance, normal } =
-            nearest(geometry, &shape.pose.rotation.tr_mul(&(center - shape.pose.position)));
-        let normal = shape.pose.rotation * normal;
-        let depth = radius - distance;
+        let in_shape = shape.pose.rotation.tr_mul(&(center - shape.pose.position));
+        let normal = shape.pose.rotation * normal(geometry, &in_shape);
+        let depth = radius - geometry.distance(&in_shape);
         let point = center - normal * (radius - depth / 2.0);
         let of_point = |body: &MovingFrame| body.velocity + body.spin.cross(&(point - body.pose.position));
         let velocity = of_point(sphere) - of_point(shape);
