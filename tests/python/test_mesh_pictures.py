@@ -1,5 +1,6 @@
 """Mesh files of scenes: pictures, import, composition and export."""
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import uvms_gym
 from uvms_gym import Renderer, Simulator
 from uvms_gym._importing import meshes
 from uvms_gym._rotations import Floats, from_rpy, matrices
+from uvms_gym.cli import main
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -152,6 +154,18 @@ def test_a_file_that_cannot_be_read_leaves_the_drawing_without_it(tmp_path: Path
     assert len(warned) == 1 and "\n" not in str(warned[0].message)
     at = (np.zeros(3), np.eye(3))
     np.testing.assert_array_equal(renderer.draw(*at), Renderer(plain).draw(*at))
+
+
+def test_check_warns_of_mesh_files_that_do_not_exist(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "there.stl").touch()
+    path, lost = tmp_path / "drawn.toml", str(tmp_path / "lost.stl")
+    links = [{"name": "boom", "joint": {"kind": "fixed", "frame": POSE}, "meshes": [{"file": lost}]}]
+    scene = scene_with({"file": lost}, {"file": str(tmp_path / "there.stl")}, links=links, mount={"frame": POSE})
+    path.write_text(uvms_gym.dump_scene(scene))
+    assert main(["scenes", "check", str(path), "--json", str(tmp_path / "found.json")]) == 0
+    found = [text for text in json.loads((tmp_path / "found.json").read_text())["warnings"] if "mesh" in text]
+    assert found == [f"vehicle, link boom: mesh file {lost} does not exist: drawn without meshes"]
+    assert "warning: vehicle, link boom: mesh file" in capsys.readouterr().out
 
 
 def test_without_trimesh_the_warning_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

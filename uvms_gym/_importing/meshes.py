@@ -248,6 +248,22 @@ def measures_of(mesh: Any, scale: Floats) -> tuple[dict[str, Any], bool]:
     return measures, closed
 
 
+def missing(scene: dict[str, Any]) -> list[str]:
+    """Warnings about the mesh files of a scene that are not there, one each."""
+    found = [(file, who) for file, who in _carriers(scene).items() if not Path(file).is_file()]
+    return [f"{who}: mesh file {file} does not exist: drawn without meshes" for file, who in found]
+
+
+def _carriers(scene: dict[str, Any]) -> dict[str, str]:
+    """Vehicle, base or links that each mesh file of a scene draws, by the files' names."""
+    arm, names = scene.get("arm") or {}, defaultdict[str, list[str]](list)
+    links = [(f"link {link['name']}", link) for link in arm.get("links", ())]
+    for name, part in [("vehicle", scene["vehicle"]), ("base", arm), *links]:
+        for mesh in part.get("meshes", ()):
+            names[mesh["file"]].append(name)
+    return {file: ", ".join(dict.fromkeys(bodies)) for file, bodies in names.items()}
+
+
 def facets(scene: dict[str, Any]) -> dict[str, NDArray[np.float32]]:
     """Triangles of the mesh files of a scene, in metres and in the files' axes, by the files' names.
 
@@ -257,17 +273,11 @@ def facets(scene: dict[str, Any]) -> dict[str, NDArray[np.float32]]:
         Of each triangle three corners, counterclockwise as seen from outside, and red, green and blue, 0 to 1, or NaN.
         A mesh that is not closed has both sides. Without files that cannot be read, for which there is a warning.
     """
-    arm = scene.get("arm") or {}
-    links = [(f"link {link['name']}", link) for link in arm.get("links", ())]
-    found, names = dict[str, NDArray[np.float32]](), defaultdict[str, list[str]](list)
-    for name, part in [("vehicle", scene["vehicle"]), ("base", arm), *links]:
-        for mesh in part.get("meshes", ()):
-            names[mesh["file"]].append(name)
-    for file, bodies in names.items():
+    found = dict[str, NDArray[np.float32]]()
+    for file, who in _carriers(scene).items():
         try:
             found[file] = _facets(load(Path(file)))
         except MeshError as error:
-            who = ", ".join(dict.fromkeys(bodies))
             warnings.warn(f"{who}: drawn without meshes: {file} {error}", stacklevel=2)
     return found
 

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -81,7 +82,7 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
     """Run a command; a user error is one line on stderr. Returns the exit status."""
     _open_outputs()
     try:
-        with held, _terminable():
+        with held, _terminable(), _short_warnings(name):
             status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:
@@ -114,6 +115,20 @@ def _open_outputs() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+
+
+@contextmanager
+def _short_warnings(name: str) -> Iterator[None]:
+    """Print each warning as one line, without the line of code that gave it."""
+
+    def line(message: Warning | str, *_: Any, **__: Any) -> str:
+        return f"{name}: warning: {' '.join(str(message).split())}\n"
+
+    usual, warnings.formatwarning = warnings.formatwarning, line
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import typer
 from typer import Option
 
 import uvms_gym
+from uvms_gym._importing.meshes import missing
 from uvms_gym._scene import bodies, buoyancy_of, surroundings
 from uvms_gym.cli.common import console, fail, prepare, read_scene
 from uvms_gym.cli.environments import Integrator, Step, stating_integration
@@ -132,7 +133,7 @@ def check(
     except ValueError as error:
         raise fail(f"{scene}: {error}") from None
     # The file as it stands: reading makes rounded matrices symmetric.
-    found, assessed = uvms_gym.lint_scene(scene), uvms_gym.assess_scene(loaded)
+    found, assessed = uvms_gym.lint_scene(scene) + missing(loaded), uvms_gym.assess_scene(loaded)
     advice = uvms_gym.recommend_integration(loaded, speed)
     maximum = _stable_step(simulator, speed)
     if simulator.dt > maximum:
