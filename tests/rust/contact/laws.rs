@@ -91,22 +91,30 @@ fn val_momentum_goes_to_the_fixture() {
     assert!(errors[2] < 1e-9 && errors[2] < errors[0] / 50.0 + 1e-14, "{errors:?}");
 }
 
-/// A bounce with the ramp keeps the order of MK4.
+/// Bounces with the ramp keep the order of MK4: root mean square error of bounces from 64 heights. Where in a step a ball touches
+/// the floor changes the error of a single bounce by the jump of the third derivative there.
 #[test]
 fn val_bounces_keep_the_order_of_the_method() {
     let numbers = Numbers { stiffness: 2000.0, dissipation: 1.0, ramp: 0.02, friction: 0.3, slip_speed: 0.3 };
-    let scene = ball(2.0, [0.0; 3], numbers);
-    let end = |dt: f64| {
-        let mut simulator = Simulator::new(scene.clone(), SimulatorOptions { dt, ..Default::default() }).unwrap();
-        let mut state = State { position: Vector3::new(0.0, 0.0, 0.11), ..State::default() };
-        state.twist = Vector6::new(0.3, 0.1, -0.5, 1.0, 2.0, 3.0);
-        simulator.set_state(0, &state);
+    let (scene, instances) = (ball(2.0, [0.0; 3], numbers), 64);
+    let end = |dt: f64| -> Vec<State> {
+        let options = SimulatorOptions { dt, instances, ..SimulatorOptions::default() };
+        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+        for i in 0..instances {
+            let height = 0.11 + 0.004 * i as f64 / instances as f64;
+            let mut state = State { position: Vector3::new(0.0, 0.0, height), ..State::default() };
+            state.twist = Vector6::new(0.3, 0.1, -0.5, 1.0, 2.0, 3.0);
+            simulator.set_state(i, &state);
+        }
         simulator.step(&Inputs::default(), (0.256 / dt).round() as usize).unwrap();
-        simulator.state(0)
+        (0..instances).map(|i| simulator.state(i)).collect()
     };
     let exact = end(2.5e-5);
-    let errors = [1.6e-3, 8e-4, 4e-4].map(|dt| distance(&exact, &end(dt)));
+    let errors = [8e-4, 4e-4, 2e-4].map(|dt| {
+        let squares = exact.iter().zip(&end(dt)).map(|(exact, found)| distance(exact, found).powi(2)).sum::<f64>();
+        (squares / instances as f64).sqrt()
+    });
     let orders = [errors[0] / errors[1], errors[1] / errors[2]].map(f64::log2);
     println!("errors {errors:?}, orders {orders:?}");
-    assert!(orders[1] > 3.5, "{errors:?} {orders:?}");
+    assert!(orders.iter().all(|order| (order - 4.0).abs() < 0.1), "{errors:?} {orders:?}");
 }
