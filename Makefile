@@ -47,6 +47,7 @@ pictures: $(VENV)/wheel $(VENV)/test ## pictures of README.md and docs that take
 	uvms disturbances --out ../$(OUT)/disturbances && cp ../$(OUT)/disturbances/shapes.png disturbances.png && \
 	uvms validate bluerov2-alpha5-pool ../tests/data/pool --map ../tests/data/pool/map-fitted.toml --out ../$(OUT)/validate && \
 	cp ../$(OUT)/validate/replays.png identification-replays.png && \
+	python -P ../tests/bench/contact.py added-mass --out ../docs/_static/contact --picture lagged-added-mass.png && \
 	python -P -c "from pathlib import Path; from uvms_gym.studies.comparison.plots import plot_frontier, stored_panels; \
 	plot_frontier(Path('frontier.png'), stored_panels(sorted(Path('../uvms_gym/pretrained').glob('*/*/*/results.json'), reverse=True)))"
 

@@ -80,9 +80,11 @@ def main() -> None:
 
             run["mujoco"] = mujoco.__version__
         show(found)
+        if name == "added-mass":
+            if arguments.picture:
+                plot_lagged_added_mass(arguments.picture, found)
+            del found["time"], found["positions"]
         write_json(arguments.out / f"{name}.json", {"circumstances": run, "results": found})
-        if name == "added-mass" and arguments.picture:
-            plot_lagged_added_mass(arguments.picture, found)
 
 
 if __name__ == "__main__":
