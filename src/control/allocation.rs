@@ -9,9 +9,9 @@ pub use crate::system::{THRUSTERS, Thrusts};
 /// Names of the six axes of a body wrench.
 pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
-/// Singular values below this share of the maximum count as 0: along such an axis a force takes a million times the
-/// thrust.
-const RANK_TOLERANCE: f64 = 1e-6;
+/// Share of the maximum below which singular values and forces along other axes count as 0: files round angles, as 1.5708
+/// and 3.14, and along an axis of such a singular value a force takes 500 times the thrust.
+const RANK_TOLERANCE: f64 = 2e-3;
 
 /// Wrench that saturates any thrusters, N and N m.
 const HUGE: f64 = 1e100;
@@ -22,6 +22,9 @@ pub(super) const ROUNDING: f64 = 1e-12;
 /// Minimum height of the centre of buoyancy above the centre of mass by which roll and pitch level themselves, m.
 const RIGHTING: f64 = 1e-3;
 
+/// Share of the maximum force below which an axis is reached too weakly to be of use: the thrusters push against each other.
+const WEAK: f64 = 0.2;
+
 /// Axes that may be left to the righting moment, pitch and roll, in the order in which that is tried.
 const RIGHTED: [&[usize]; 3] = [&[4], &[3], &[3, 4]];
 
@@ -31,9 +34,10 @@ const RIGHTED: [&[usize]; 3] = [&[4], &[3], &[3, 4]];
 /// maximum magnitude thruster i reaches. Moments count against forces through the thrusters' RMS distance from
 /// the origin, which matters only where a wrench cannot be reached.
 ///
-/// An axis that thrusters reach only with a moment in roll or pitch, as the surge of four vectored and two vertical
-/// thrusters beside the centre of mass, is allocated as if that moment were none, if the vehicle rights itself (its
-/// centre of buoyancy is above its centre of mass) and cannot be rolled or pitched alone.
+/// An axis that thrusters reach only, or with more than a fifth of their force only, with a moment in roll or pitch, as the
+/// surge of four vectored and two vertical thrusters beside the centre of mass, is allocated as if that moment were none, if
+/// the vehicle rights itself (its centre of buoyancy is above its centre of mass) and cannot be rolled or pitched alone with
+/// a fifth of the maximum moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Allocation {
     count: usize,
@@ -95,7 +99,7 @@ impl Allocation {
                 this.leave_to_righting(&row);
             }
             let row = Vector6::from_fn(|axis, _| if this.righted[axis] { 0.0 } else { row[axis] });
-            this.wrench_limits = std::array::from_fn(|axis| this.pure_limit(axis, &row));
+            this.wrench_limits = std::array::from_fn(|axis| this.pure_limit(axis, &this.pseudo_inverse, &row));
         }
         Ok(this)
     }
@@ -117,18 +121,21 @@ impl Allocation {
         std::array::from_fn(|i| if i < self.count { thrusts(i) } else { Vector6::zeros() })
     }
 
-    /// Allocates axes that are not reached alone as if moments in roll and pitch were none, where this makes them reachable.
+    /// Allocates axes that are not reached alone, or weakly, as if moments in roll and pitch were none, where this makes them
+    /// reachable or stronger.
     fn leave_to_righting(&mut self, row: &Vector6<f64>) {
-        let mut alone: [bool; 6] = std::array::from_fn(|axis| self.reaches(axis, &self.pseudo_inverse, row));
+        let mut limits: [f64; 6] = std::array::from_fn(|axis| self.pure_limit(axis, &self.pseudo_inverse, row));
         for left in RIGHTED {
-            if alone == [true; 6] || left.iter().any(|axis| alone[*axis]) {
+            let strong = |axis: usize| limits[axis] > WEAK * self.maximum(axis).into_iter().fold(0.0, f64::max);
+            if left.iter().any(|axis| strong(*axis)) {
                 continue;
             }
             let row = Vector6::from_fn(|axis, _| if left.contains(&axis) { 0.0 } else { row[axis] });
             let inverse = self.inverse(&row);
             for axis in 0..6 {
-                if !alone[axis] && self.reaches(axis, &inverse, &row) {
-                    alone[axis] = true;
+                let limit = self.pure_limit(axis, &inverse, &row);
+                if limits[axis] < WEAK * limit {
+                    limits[axis] = limit;
                     (0..self.count).for_each(|i| self.pseudo_inverse[i][axis] = inverse[i][axis]);
                     left.iter().for_each(|axis| self.righted[*axis] = true);
                 }
@@ -187,6 +194,14 @@ impl Allocation {
         (0..self.count).map(|i| self.configuration[i] * thrusts[i]).sum()
     }
 
+    /// Maximum force (N) or moment (N m) along a body axis, forward and backward, whatever the thrusters do along the others.
+    pub fn maximum(&self, axis: usize) -> [f64; 2] {
+        (0..self.count).fold([0.0; 2], |[forward, backward], i| {
+            let [a, b] = self.limits[i].map(|limit| self.configuration[i][axis] * limit);
+            [forward + a.max(b), backward - a.min(b)]
+        })
+    }
+
     /// Thrusts of minimum weighted effort that come closest to `wrench`, without limits.
     pub fn unsaturated(&self, wrench: &Vector6<f64>) -> Thrusts {
         std::array::from_fn(|i| self.pseudo_inverse[i].dot(wrench))
@@ -224,11 +239,11 @@ impl Allocation {
             .fold(f64::INFINITY, f64::min)
     }
 
-    fn pure_limit(&self, axis: usize, row: &Vector6<f64>) -> f64 {
-        if !self.reaches(axis, &self.pseudo_inverse, row) {
+    fn pure_limit(&self, axis: usize, inverse: &[Vector6<f64>; THRUSTERS], row: &Vector6<f64>) -> f64 {
+        if !self.reaches(axis, inverse, row) {
             return 0.0;
         }
-        let thrusts = self.unsaturated(&Vector6::ith(axis, 1.0));
+        let thrusts = std::array::from_fn(|i| inverse[i][axis]);
         self.scale_to_limits(&thrusts).min(self.scale_to_limits(&thrusts.map(|t| -t)))
     }
 }

@@ -158,8 +158,8 @@ def test_shipped_scenes_have_no_doubts_but_the_known_ones(name: str) -> None:
     known = {
         "bluerov2-alpha5-pool": [],
         "remus-100": [
-            "vehicle.thrusters: station keeping is not possible: they do not push in sway, heave, yaw alone",
-            "vehicle.thrusters: they do not act in roll, pitch alone: left to the righting moment",
+            "vehicle.thrusters: the vehicle cannot keep its station: no thrust in sway, heave, yaw",
+            "vehicle.thrusters: no control of roll, pitch: the righting moment levels the vehicle",
         ],
     }
     found = uvms_gym.lint_scene(name)
@@ -211,9 +211,12 @@ def heavy(scene: dict[str, Any]) -> None:
         (twice, "vehicle.thrusters[8] (again): has the place of"),
         (one_way, "vehicle.thrusters: all that act in heave push in the"),
         (heavy, "vehicle.thrusters: "),
-        (along, "vehicle.thrusters: station keeping is not possible: they do not push in sway alone"),
-        (five, "vehicle.thrusters: they do not act in roll, pitch alone: left to the righting moment"),
-        (unrighted, "vehicle.thrusters: station keeping is not possible: they do not push in heave, roll, pitch alone"),
+        (along, "vehicle.thrusters: the vehicle cannot keep its station: no thrust in sway"),
+        (five, "vehicle.thrusters: no control of roll, pitch: the righting moment levels the vehicle"),
+        (
+            unrighted,
+            "vehicle.thrusters: the vehicle cannot keep its station: thrust in heave, roll, pitch only together",
+        ),
     ],
 )
 def test_slips_are_doubted_by_key(change: Any, start: str) -> None:

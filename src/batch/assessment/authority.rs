@@ -31,13 +31,7 @@ pub(super) fn authority(simulator: &Simulator) -> Vec<Authority> {
     let inverse = Cholesky::new(mass).map_or_else(|| DMatrix::zeros(6, 6), |mass| mass.inverse());
     let alone = allocation.wrench_limits();
     let entry = |k: usize| {
-        let mut maximum = [0.0; 2];
-        for i in 0..allocation.count() {
-            let along = allocation.column(i)[k];
-            let [a, b] = allocation.limits(i).map(|limit| along * limit);
-            maximum[0] += a.max(b);
-            maximum[1] -= a.min(b);
-        }
+        let maximum = allocation.maximum(k);
         Authority { axis: AXES[k], alone: alone[k], maximum, acceleration: inverse[(k, k)] * alone[k] }
     };
     (0..6).map(entry).collect()

@@ -75,14 +75,27 @@ impl Assessment {
         }
         let rights = Allocation::rights_itself(&scene.vehicle);
         let levelled = |axis: &str| rights && ["roll", "pitch"].contains(&axis);
-        let none = self.authority.iter().filter(|of| of.alone == 0.0).map(|of| of.axis);
-        let (passive, missing): (Vec<_>, Vec<_>) = none.partition(|axis| levelled(axis));
+        let axes = |of: &dyn Fn(&Authority) -> bool| {
+            let named = self.authority.iter().filter(|each| each.alone == 0.0 && of(each)).map(|each| each.axis);
+            named.collect::<Vec<_>>().join(", ")
+        };
+        let pushed = |of: &Authority| of.maximum != [0.0; 2];
+        let absent = axes(&|of| !levelled(of.axis) && !pushed(of));
+        let coupled = axes(&|of| !levelled(of.axis) && pushed(of));
+        let mut missing = Vec::new();
+        if !absent.is_empty() {
+            missing.push(format!("no thrust in {absent}"));
+        }
+        if !coupled.is_empty() {
+            missing.push(format!("thrust in {coupled} only together with other axes"));
+        }
         if !missing.is_empty() {
-            let text = format!("station keeping is not possible: they do not push in {} alone", missing.join(", "));
+            let text = format!("the vehicle cannot keep its station: {}", missing.join(", "));
             doubts.push(doubt("vehicle.thrusters", text));
         }
+        let passive = axes(&|of| levelled(of.axis));
         if !passive.is_empty() {
-            let text = format!("they do not act in {} alone: left to the righting moment", passive.join(", "));
+            let text = format!("no control of {passive}: the righting moment levels the vehicle");
             doubts.push(doubt("vehicle.thrusters", text));
         }
         let integration = scene.integration();

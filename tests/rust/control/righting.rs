@@ -57,6 +57,27 @@ fn a_moment_that_rights_itself_does_not_keep_thrusters_from_pushing() {
 }
 
 #[test]
+fn thrusters_that_would_push_against_each_other_leave_pitch_to_the_righting_moment() {
+    // The front ones are 1 cm lower: without a moment in pitch they push against the rear ones.
+    let mut vehicle = six_thrusters(0.0, false);
+    vehicle.thrusters.iter_mut().filter(|one| one.position.x > 0.1).for_each(|one| one.position.z -= 0.01);
+    let [bare, righted] = [0.0, 0.02].map(|height| Allocation::new(&afloat(&vehicle, height)).unwrap());
+    assert_eq!((bare.unactuated(), righted.unactuated()), (vec![], vec!["pitch"]));
+    let [weak, strong] = [&bare, &righted].map(|one| one.wrench_limits()[0]);
+    assert!(weak < 5.0 && strong > 50.0, "{weak} {strong}");
+    assert!((strong - righted.maximum(0)[0]).abs() < 1e-9 && (strong - righted.maximum(0)[1]).abs() < 1e-9);
+}
+
+#[test]
+fn rounded_angles_do_not_keep_thrusters_from_pushing() {
+    // Angles of 1.5708 and 3.14 in place of pi / 2 and pi, and an angle that is not rounded.
+    for (aside, pushes) in [(3.7e-6, true), (1.6e-3, true), (1e-2, false)] {
+        let one = Allocation::new(&with_thrusters(&[([0.0; 3], [aside, -1.0, 0.0], [-18.0, 18.0])])).unwrap();
+        assert_eq!(one.wrench_limits()[1] > 0.0, pushes, "{aside}");
+    }
+}
+
+#[test]
 fn righting_moments_do_not_change_vehicles_that_reach_all_axes() {
     let [low, high] = [-0.1, 0.5].map(|height| Allocation::new(&afloat(&heavy(), height)).unwrap());
     assert_eq!(low, high);
