@@ -33,8 +33,8 @@ def import_robot(
     thrusters gets assumed ones. Volume, added mass and damping that the file does not state are
     estimated from the collision geometry, or from the visual geometry (see `estimate`); a link without either has the
     hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia
-    that each joint carries. Integrator and step are those of `recommend_integration`. The scene's provenance names the
-    source of every number.
+    and the weight that each joint carries. Integrator and step are those of `recommend_integration`. The scene's
+    provenance names the source of every number.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ use super::body::{Built, body};
 use super::element::Result;
 use super::ends::{End, ends};
 use super::merge::Part;
-use super::servo::{BANDWIDTH, STOP, tune};
+use super::servo::{BANDWIDTH, SAG, STOP, tune};
 use super::tree::Tree;
 use super::{RobotJoint, RobotJointKind};
 use crate::description::{
@@ -77,7 +77,7 @@ impl Moving<'_> {
             }
         }
         follow(tree, parts, &mut arm);
-        tune(&mut arm);
+        tune(&mut arm, density);
         joints_origins(&arm, origins);
         Ok(arm)
     }
@@ -157,8 +157,9 @@ fn joints_origins(arm: &Arm, origins: &mut Vec<(String, String)>) {
         return;
     }
     let mut say = |key: &str, text: String| origins.push((format!(".links.joint.{key}"), text));
+    let [turn, slide] = SAG;
     let servo = format!(
-        "derived: natural frequency {BANDWIDTH} rad/s and damping ratio 1 on what the joint carries at home, rigid and added"
+        "derived: damping ratio 1 on what the joint carries at home, rigid and added; natural frequency {BANDWIDTH} rad/s, or higher so that its weight in water turns the joint by at most {turn} rad, or moves it by {slide} m"
     );
     say("servo", servo);
     say("home", "assumed: 0, or the middle of the range".to_owned());

@@ -12,9 +12,9 @@ use crate::estimate::{Outline, Shape};
 
 /// Minimum semi-axis of the ellipsoid that represents a link without geometry, m.
 const THINNEST: f64 = 1e-3;
-/// Density below which moments are no body's and meshes are not the volume of theirs, kg/m3: frames with dummy moments, open meshes
-/// and meshes in another unit.
-const LIGHTEST: f64 = 100.0;
+/// Density below which moments and volumes are no body's, kg/m3: frames with dummy moments, open meshes, meshes in another unit and
+/// hulls with a dummy volume.
+pub const LIGHTEST: f64 = 100.0;
 /// Density below which a mesh is in millimetres rather than open, kg/m3.
 const MILLIMETRES: f64 = 1e-3;
 /// Minimum edge of a box that stands for a mesh, m.

@@ -1,11 +1,15 @@
-//! Gains of servos and end stops by the inertia that they move, rigid and added.
+//! Gains of servos and end stops by the inertia that they move, rigid and added, and by its weight in water.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3, Vector6};
 
 use crate::description::{Arm, Body, Joint, JointServo, Parent, Vehicle, VehicleServo};
 
-/// Natural frequency of the joints' servos, rad/s.
+/// Minimum natural frequency of the joints' servos, rad/s.
 pub const BANDWIDTH: f64 = 3.0;
+/// Maximum deflection of a joint under the weight in water of all that it carries at home, in any attitude: rad, and m of a slide.
+pub const SAG: [f64; 2] = [0.02, 0.002];
+/// Gravity, m/s2.
+const GRAVITY: f64 = 9.81;
 /// Natural frequency of the vehicle's servo in translation and in rotation, rad/s.
 pub const STATION: [f64; 2] = [1.5, 3.0];
 /// Ratio of the stiffness of end stops to the stiffness of servos.
@@ -33,13 +37,17 @@ impl Twist {
         }
     }
 
+    /// Velocity of a point.
+    fn at(self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.0 + self.1.cross(point)
+    }
+
     /// Twice the kinetic energy of a body and its water.
     fn energy(self, body: &Body) -> f64 {
-        let Self(v, w) = self;
-        let at_com = v + w.cross(&body.center_of_mass);
+        let w = self.1;
         let Self(hv, hw) = self.into(&body.hydrodynamic_frame.rotation(), &body.hydrodynamic_frame.position);
         let twist = Vector6::new(hv.x, hv.y, hv.z, hw.x, hw.y, hw.z);
-        body.mass * at_com.norm_squared()
+        body.mass * self.at(&body.center_of_mass).norm_squared()
             + w.dot(&(body.inertia_about_com() * w))
             + twist.dot(&(body.added_mass * twist))
     }
@@ -49,12 +57,16 @@ fn round(x: f64) -> f64 {
     format!("{x:.2e}").parse().expect("it was written as a number")
 }
 
-/// Sets the links' servos, and the stiffness of their end stops.
-pub fn tune(arm: &mut Arm) {
+/// Sets the links' servos, and the stiffness of their end stops, in water of this density.
+pub fn tune(arm: &mut Arm, density: f64) {
+    let weight = |body: &Body| GRAVITY * (body.mass - density * body.volume.unwrap_or(0.0)).abs();
+    let moment = |twist: Twist, body: &Body| weight(body) * twist.at(&body.center_of_mass).norm();
     for i in 0..arm.links.len() {
-        let inertia = carried(arm, i);
-        let servo = JointServo { kp: round(inertia * BANDWIDTH * BANDWIDTH), kd: round(2.0 * inertia * BANDWIDTH) };
+        let inertia = arm.links[i].joint.rotor_inertia + carried(arm, i, &Twist::energy);
+        let load = carried(arm, i, &moment);
         let joint = &mut arm.links[i].joint;
+        let kp = (inertia * BANDWIDTH * BANDWIDTH).max(load / SAG[usize::from(joint.slides())]);
+        let servo = JointServo { kp: round(kp), kd: round(2.0 * (inertia * kp).sqrt()) };
         if let Some(limits) = &mut joint.limits {
             limits.stiffness = round(STOP * servo.kp);
             limits.damping = limits.stiffness;
@@ -63,28 +75,28 @@ pub fn tune(arm: &mut Arm) {
     }
 }
 
-/// Twice the kinetic energy of all links on those with a twist, at home.
-fn energy(arm: &Arm, twists: &mut [Option<Twist>]) -> f64 {
+/// Sum over all links on those with a twist, at home.
+fn sum(arm: &Arm, twists: &mut [Option<Twist>], of: &dyn Fn(Twist, &Body) -> f64) -> f64 {
     let mut sum = 0.0;
     for k in 0..arm.links.len() {
         if let (None, Some(Parent::Link(carrier))) = (twists[k], arm.parent(k)) {
             twists[k] = twists[carrier].map(|twist| twist.beyond(&arm.links[k].joint));
         }
         if let (Some(twist), Some(body)) = (twists[k], &arm.links[k].body) {
-            sum += twist.energy(body);
+            sum += of(twist, body);
         }
     }
     sum
 }
 
-/// Rigid and added inertia of all that a joint carries at home about its axis, and the inertia of its rotor, kg m2 or kg.
-fn carried(arm: &Arm, i: usize) -> f64 {
+/// Sum over all links that a joint carries, which turn about its axis or slide along it at unit speed.
+fn carried(arm: &Arm, i: usize, of: &dyn Fn(Twist, &Body) -> f64) -> f64 {
     let joint = &arm.links[i].joint;
     let axis = joint.axis.normalize();
     let mut twists = vec![None; arm.links.len()];
     let zero = Vector3::zeros();
     twists[i] = Some(if joint.slides() { Twist(axis, zero) } else { Twist(zero, axis) });
-    joint.rotor_inertia + energy(arm, &mut twists)
+    sum(arm, &mut twists, of)
 }
 
 /// Gains of the vehicle: all that moves with it at home, per axis.
@@ -103,7 +115,7 @@ pub fn station(vehicle: &Vehicle, arm: Option<&Arm>) -> VehicleServo {
                 _ => None,
             };
             let mut twists: Vec<_> = (0..arm.links.len()).map(on).collect();
-            inertia += energy(arm, &mut twists);
+            inertia += sum(arm, &mut twists, &Twist::energy);
         }
         let bandwidth = STATION[i / 3];
         (servo.kp[i], servo.kd[i]) = (round(inertia * bandwidth * bandwidth), round(2.0 * inertia * bandwidth));

@@ -5,6 +5,7 @@ use nalgebra::{Matrix6, Vector3};
 use super::InWater;
 use super::body::Built;
 use super::merge::compose;
+use super::outline::LIGHTEST;
 use super::tree::Tree;
 use crate::description::{ForwardDamping, Frame};
 
@@ -49,7 +50,7 @@ impl Built {
         notes: &mut Vec<String>,
     ) {
         let name = |link: usize| &tree.robot.links[link].name;
-        let mut keys = self.displace(tree, blocks, others, density);
+        let mut keys = self.displace(tree, blocks, others, (density, hull), notes);
         let coefficients = blocks.iter().filter(|(.., own)| own.has_added_mass() || own.has_damping());
         let main = coefficients.clone().max_by(|a, b| a.2.size().total_cmp(&b.2.size()));
         if let Some((link, at, own)) = main {
@@ -94,8 +95,15 @@ impl Built {
         self.origins.extend(keys.into_iter().map(|key| (key, cited.clone())));
     }
 
-    /// Sets volume and centre of buoyancy, and returns the keys.
-    fn displace(&mut self, tree: &Tree, blocks: &Blocks, others: f64, density: f64) -> Vec<&'static str> {
+    /// Sets volume and centre of buoyancy, and returns the keys; none for a volume that no vehicle has.
+    fn displace(
+        &mut self,
+        tree: &Tree,
+        blocks: &Blocks,
+        others: f64,
+        (density, hull): (f64, bool),
+        notes: &mut Vec<String>,
+    ) -> Vec<&'static str> {
         let mass = |link: usize| tree.robot.links[link].inertial.as_ref().map_or(0.0, |own| own.mass);
         // Simulators merge links on fixed joints, so a neutrally buoyant link bears the ones that have no block.
         let bearing = blocks.iter().filter(|(.., own)| own.neutral).max_by(|a, b| mass(a.0).total_cmp(&mass(b.0)));
@@ -113,6 +121,15 @@ impl Built {
             moment += compose(at, &Frame { position: own.center_of_buoyancy, rpy: Vector3::zeros() }).position * part;
         }
         if !volume.is_finite() || !blocks.iter().any(|(.., own)| own.displaces()) {
+            return Vec::new();
+        }
+        if hull && self.body.mass < LIGHTEST * volume {
+            notes.push(format!(
+                "{}: its volume in the file, {:.3} L, is left out: no vehicle has {:.0} kg/m3",
+                tree.robot.links[blocks[0].0].name,
+                1e3 * volume,
+                self.body.mass / volume
+            ));
             return Vec::new();
         }
         self.displaces = true;

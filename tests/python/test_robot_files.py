@@ -30,11 +30,11 @@ HARMLESS: dict[str, tuple[int, int, float, tuple[str, float]]] = {
     "fixed-joint-zero-axis.urdf": (2, 8, 15.5, ("mk4", 0.01)),
     "two-origins.urdf": (2, 8, 15.5, ("mk4", 0.01)),
     "dummy-frame.urdf": (2, 8, 15.5001, ("mk4", 0.01)),
-    "joint-friction.urdf": (2, 8, 14.8, ("ros2", 0.01)),
-    "zero-inertia-off-the-arm.urdf": (2, 1, 103.001, ("mk4", 0.005)),
+    "joint-friction.urdf": (2, 8, 14.8, ("ros3", 0.01)),
+    "zero-inertia-off-the-arm.urdf": (2, 1, 103.001, ("ros3", 0.005)),
     "locked-joint-off-the-arm.urdf": (2, 8, 103.01, ("mk4", 0.005)),
-    "floating-base-off-the-arm.urdf": (2, 8, 103.0, ("mk4", 0.01)),
-    "vehicle-and-arm.urdf": (2, 8, 103.0, ("mk4", 0.01)),
+    "floating-base-off-the-arm.urdf": (2, 8, 103.0, ("mk4", 0.005)),
+    "vehicle-and-arm.urdf": (2, 8, 103.0, ("mk4", 0.005)),
     "vehicle-with-propellers.urdf": (0, 8, 11.7, ("mk4", 0.01)),
     "vehicle-one-link.urdf": (0, 8, 11.5, ("mk4", 0.01)),
 }
@@ -100,6 +100,15 @@ def test_an_imported_vehicle_holds_station(name: str) -> None:
         observation, _, terminated, _, info = env.step(action)
         assert not terminated
     assert info["position_error"] < 0.05
+
+
+@pytest.mark.parametrize("name", [name for name, (joints, *_) in HARMLESS.items() if joints])
+def test_servos_bear_the_weight_of_the_arm(name: str) -> None:
+    scene, _ = read(name)
+    torques = uvms_gym.assess_scene(scene)["trim"]["joint_torques"]
+    for link, (torque, _) in zip(scene["arm"]["links"], torques, strict=True):
+        # Gains have three digits.
+        assert abs(torque) <= 0.02 * 1.005 * link["joint"]["servo"]["kp"]
 
 
 def test_numbers_of_plugins_become_the_hulls() -> None:

@@ -61,6 +61,23 @@ fn a_vehicle_without_thrusters_gets_assumed_ones() {
 }
 
 #[test]
+fn a_volume_that_no_vehicle_has_is_left_out() {
+    let text = std::fs::read_to_string(format!("{DATA}/vehicle-one-link.urdf")).unwrap();
+    let mut robot = Robot::from_text(&text, "robot.urdf").unwrap();
+    let of = |robot: &Robot| Assembly::default().of(robot).unwrap();
+    let mass = of(&robot).scene.vehicle.body.mass;
+    for (density, used) in [(101.0, true), (99.0, false)] {
+        robot.links[0].water = Some(InWater { volume: Some(mass / density), ..InWater::default() });
+        let Imported { scene, notes } = of(&robot);
+        let volume = scene.vehicle.body.volume.unwrap();
+        let expected = mass / if used { density } else { scene.water.density };
+        assert!((volume / expected - 1.0).abs() < 1e-12, "{volume}");
+        assert_eq!(says(&notes, "base_link: ", "is left out: no vehicle has 99 kg/m3"), !used, "{notes:?}");
+        assert_eq!(scene.provenance.0["vehicle.body.volume"].starts_with("assumed: "), !used);
+    }
+}
+
+#[test]
 fn several_light_ends_that_turn_freely_on_a_hull_are_its_propellers() {
     let hull = link("hull").replace("'1'", "'40'");
     let end = |i: usize| {
