@@ -3,7 +3,9 @@
     python training/robot_files.py FOLDER [--out TABLE.md]
 
 Every file of the folder (or row of its INDEX.csv: id, repository, file) runs in a process of its own, with a limit
-of time and memory. The table states which files are imported, and the vehicle's error after 10 s.
+of time and memory. The table states which files are imported, and the errors of vehicle and end effector after 10 s.
+A vehicle that does not hold station, as its thrusters do not push along some axis, gets assumed ones for a second
+attempt.
 """
 
 import argparse
@@ -35,21 +37,34 @@ def attempt(path: str) -> dict[str, Any]:
     except uvms_gym.SceneError as error:
         return {"refused": str(error).removeprefix(f"{path}: ")}
     simulator, authority = uvms_gym.Simulator(scene), uvms_gym.assess_scene(scene)["authority"]
-    assumed = "ASSUMED" in scene["summary"]
-    found: dict[str, Any] = {"joints": simulator.num_joints, "thrusters": simulator.num_thrusters, "assumed": assumed}
+    found: dict[str, Any] = {"joints": simulator.num_joints, "thrusters": simulator.num_thrusters}
+    found["assumed"] = "ASSUMED" in scene["summary"]
     found["missing"] = [axis["axis"] for axis in authority if axis["axis"] in NEEDED and not axis["alone"]]
+    found |= hold_station(scene)
+    if found["missing"] and not is_held(found):
+        found["with_assumed"] = hold_station(uvms_gym.import_robot(path, thrusters="assumed"))
+    return found
+
+
+def hold_station(scene: dict[str, Any]) -> dict[str, Any]:
+    """Error of an episode of station keeping, m, or why there is none."""
     try:
         env = gymnasium.make("UVMS-StationKeep-v0", scene=scene)
     except ValueError as error:
-        return found | {"failed": str(error)}
+        return {"failed": str(error)}
     controller, memory = uvms_gym.make_controller("pid", env), None
     observation, info = env.reset(seed=0)
     for k in range(PERIODS):
         action, memory = controller.predict(observation, memory, episode_start=np.array(k == 0))
         observation, _, terminated, _, info = env.step(action)
         if terminated:
-            return found | {"diverged": k + 1}
-    return found | {"error": info["position_error"]}
+            return {"diverged": k + 1}
+    return {"error": info["position_error"], "end_effector": info["end_effector_position_error"]}
+
+
+def is_held(found: dict[str, Any]) -> bool:
+    """Whether the episode ended near the station."""
+    return bool(found.get("error", np.inf) < HELD)
 
 
 def in_process(path: str) -> dict[str, Any]:
@@ -66,11 +81,19 @@ def in_process(path: str) -> dict[str, Any]:
 
 def outcome(found: dict[str, Any]) -> str:
     """Last column of a row."""
-    for key, text in (("refused", "refused: {}"), ("failed", "failed: {}")):
-        if key in found:
-            return text.format(found[key]).replace("<", r"\<").replace("|", r"\|")
-    text = f"diverged in period {found['diverged']}" if "diverged" in found else f"{100 * found['error']:.1f} cm"
-    return text + (f"; no {', '.join(found['missing'])}" if found["missing"] else "")
+    if "refused" in found:
+        text = f"refused: {found['refused']}"
+    elif "failed" in found:
+        text = f"failed: {found['failed']}"
+    else:
+        text = f"diverged in period {found['diverged']}" if "diverged" in found else f"{100 * found['error']:.1f} cm"
+    if found.get("joints") and "end_effector" in found:
+        text += f", end effector {100 * found['end_effector']:.1f} cm"
+    if found.get("missing"):
+        text += f"; no {', '.join(found['missing'])}"
+    if "with_assumed" in found:
+        text += f"; with assumed thrusters {outcome(found['with_assumed'])}"
+    return text
 
 
 def listed(folder: Path) -> list[dict[str, str]]:
@@ -99,14 +122,17 @@ def main() -> None:
         results.append(found)
         numbers = [str(found.get(key, "")) for key in ("joints", "thrusters")]
         numbers[1] += " assumed" if found.get("assumed") else ""
-        rows.append("| " + " | ".join([entry["id"], entry["repository"], *numbers, outcome(found)]) + " |")
+        last = outcome(found).replace("<", r"\<").replace("|", r"\|")
+        rows.append("| " + " | ".join([entry["id"], entry["repository"], *numbers, last]) + " |")
         print(entry["id"], outcome(found), file=sys.stderr)
     imported = [found for found in results if "joints" in found]
-    held = [found for found in imported if found.get("error", np.inf) < HELD]
+    held = sum(is_held(found) for found in imported)
+    replaced = sum(is_held(found.get("with_assumed", {})) for found in imported)
     assumed = sum(found["assumed"] for found in imported)
     lacking = sum(bool(found["missing"]) for found in imported)
     rows += ["", f"{len(results)} files: {len(imported)} imported, {assumed} of them with assumed thrusters and "]
-    rows[-1] += f"{lacking} without thrust along some axis; {len(held)} end within {100 * HELD:g} cm."
+    rows[-1] += f"{lacking} without thrust along some axis; {held} end within {100 * HELD:g} cm, and {replaced} more "
+    rows[-1] += "with assumed thrusters in the place of the file's."
     text = "\n".join(rows) + "\n"
     if given.out is None:
         print(text, end="")

@@ -166,6 +166,16 @@ def test_an_output_that_is_not_utf_8_shows_what_it_can() -> None:
     assert "petasus-pum" in done.stdout and done.stdout.isascii()
 
 
+def test_a_warning_is_one_line_without_code(tmp_path: Path) -> None:
+    scene = uvms_gym.load_scene("bluerov2-heavy")
+    scene["vehicle"]["meshes"] = [{"file": str(tmp_path / "lost.stl")}]
+    (tmp_path / "scene.toml").write_text(uvms_gym.dump_scene(scene))
+    play = ("--scene", str(tmp_path / "scene.toml"), "--seconds", "0.1", "--out", str(tmp_path / "end.png"))
+    done = uvms("play", "--controller", "none", *play)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("uvms: warning: vehicle: drawn without meshes: ")
+
+
 def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -> None:
     code = (
         "import importlib.util as u, sys; real = u.find_spec\n"
