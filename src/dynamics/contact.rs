@@ -245,9 +245,9 @@ impl<L: Lane> ContactScratch<L> {
     }
 }
 
-/// `h` times the frequency of contacts that touch within a step of size `h`, at most: 0 in lanes where nothing touches. The rate at which
-/// friction and dissipation slow a contact counts with a share, as explicit methods are stable there for larger steps than accurate
-/// ones of an oscillation.
+/// `h` times the frequency of all contacts that touch within a step of size `h` together, at most: 0 in lanes where nothing touches. The
+/// rate at which friction and dissipation slow them counts with a share, as explicit methods are stable there for larger steps than
+/// accurate ones of an oscillation. Stiffnesses and rates add up: feet of a heavy body act on the same motion.
 pub struct ContactRate<'a, L, P, B> {
     /// Place and motion at the start of the step.
     pub at: ContactWrenches<'a, L, P, B>,
@@ -273,7 +273,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
         let n = system.chain().len();
         link_places(system, true, vehicle, (q, qd), &mut links[..n], &mut contact.places);
         let (h, zero) = (self.h, L::zero());
-        let mut square = zero;
+        let (mut square, mut decay) = (zero, zero);
         for shape in shapes {
             let shape_at = shape_at(shape, &contact.places);
             for sphere in spheres {
@@ -288,13 +288,12 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
                 let force = shape.law.normal_force(depth, rate);
                 let elastic = shape.law.stiffness.get() * shape.law.effective_depth(depth);
                 let slip = shape.law.friction.get() * force / shape.law.slip_speed_squared.get().sqrt();
-                let decay = shape.law.dissipation.get().mul_add(elastic, slip) * mobility * L::c(DECAY);
-                let frequency = shape.law.stiffness.get() * mobility;
-                let touches = distance.lt(reach);
-                square = square.max(L::select(touches, frequency.max(decay * decay), zero));
+                let mobility = L::select(distance.lt(reach), mobility, zero);
+                square = shape.law.stiffness.get().mul_add(mobility, square);
+                decay = shape.law.dissipation.get().mul_add(elastic, slip).mul_add(mobility, decay);
             }
         }
-        self.rate = h * square.sqrt();
+        self.rate = h * square.sqrt().max(L::c(DECAY) * decay);
     }
 }
 

@@ -81,6 +81,39 @@ fn val_a_block_creeps_on_a_slope() {
     assert!((twist[0] / creep - 1.0).abs() < 1e-6, "{} m/s, not {creep}", twist[0]);
 }
 
+/// Feet brake the same motion together: sub-steps resolve the friction of all of them, and a body comes to rest on any number.
+#[test]
+fn a_heavy_body_comes_to_rest_on_any_number_of_feet() {
+    for feet in [3, 8, 16] {
+        let spheres: Vec<String> = (0..feet)
+            .map(|k| {
+                let (y, x) = (std::f64::consts::TAU * f64::from(k) / f64::from(feet)).sin_cos();
+                format!("{{ name = 'foot{k}', on = 'vehicle', position = [{x:?}, {y:?}, 0.1], radius = 0.1 }}")
+            })
+            .collect();
+        let text = format!(
+            "name = 'stool'\nwater = {{ density = 0.0, gravity = [0.0, 0.0, -{G}] }}\n[vehicle]\nname = 'stool'\n\
+             body = {{ mass = {MASS}, inertia = [20.0, 20.0, 20.0] }}\n[contact]\nstiffness = {STIFFNESS:?}\nramp = {RAMP:?}\n\
+             friction = {MU}\nslip_speed = 0.001\nspheres = [{}]\nshapes = [{{ name = 'floor', kind = 'plane' }}]\n",
+            spheres.join(", ")
+        );
+        let scene = Scene::from_toml_str(&text, "stool").unwrap();
+        let depth = MASS * G / f64::from(feet) / STIFFNESS + 0.5 * RAMP;
+        let mut state = State { position: Vector3::new(0.0, 0.0, -depth), ..State::default() };
+        state.twist = Vector6::new(0.05, 0.02, 0.0, 0.0, 0.0, 0.0);
+        for integrator in ["mk4", "mk3", "mk2", "ros2", "ros3"] {
+            for dt in [0.01, 0.002] {
+                let options = SimulatorOptions { dt, integrator: integrator.into(), ..Default::default() };
+                let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+                simulator.set_state(0, &state);
+                simulator.step(&Inputs::default(), (0.5 / dt).round() as usize).unwrap();
+                let speed = simulator.state(0).twist.fixed_rows::<2>(0).norm();
+                assert!(speed < 1e-7, "{integrator} at {dt} s on {feet} feet: {speed:e}");
+            }
+        }
+    }
+}
+
 /// Two opposed fingers that slide on the rim of a wheel turn it with `2 mu f r`.
 #[test]
 fn val_a_rim_is_turned_by_two_mu_f_r() {
