@@ -78,7 +78,7 @@ pub fn recommend(scene: &Scene, speed: Option<&[f64; 6]>) -> Result<Recommendati
         let accurate = error <= ACCUMULATED_LIMIT;
         let reason = reason(&integration, error, (stable, mode.as_ref()), &failed);
         if step == Integration::default().step {
-            failed.push(format!("{name} at {step} s: {}", percent(error)));
+            failed.push(format!("{name} at {step} s ({})", percent(error)));
         }
         if accurate || best.as_ref().is_none_or(|best| error < best.error) {
             best = Some(Recommendation { integration, reason, error, accurate });
@@ -103,13 +103,16 @@ pub(super) fn stable_step(
 }
 
 fn percent(error: f64) -> String {
-    if error.is_finite() { format!("{} % of the motion", digits(100.0 * error)) } else { "diverges".into() }
+    if error.is_finite() { format!("{} %", digits(100.0 * error)) } else { "diverges".into() }
 }
 
 /// One line: the error, and the reasons for which mk4 and others at the default step are not enough.
 fn reason(integration: &Integration, error: f64, (stable, mode): (f64, Option<&Mode>), failed: &[String]) -> String {
-    let error = percent(error);
-    let judged = format!("estimated error {error} after {DURATION} s at full thrust and joint speed");
+    let judged = if error.is_finite() {
+        format!("estimated error {} of the motion after {DURATION} s at full thrust and joint speed", percent(error))
+    } else {
+        format!("the motion diverges within {DURATION} s at full thrust and joint speed")
+    };
     let Integration { integrator, step } = Integration::default();
     if *integration == (Integration { integrator, step }) {
         return if stable.is_finite() { format!("stable up to {} s; {judged}", digits(stable)) } else { judged };
@@ -122,7 +125,9 @@ fn reason(integration: &Integration, error: f64, (stable, mode): (f64, Option<&M
         })
         .into_iter()
         .collect();
-    causes.extend(failed.iter().cloned());
+    if !failed.is_empty() {
+        causes.push(format!("the error is too large with {}", failed.join(", ")));
+    }
     format!("{}; {judged}", causes.join(", "))
 }
 

@@ -183,8 +183,8 @@ pub fn autopilot(plugin: &Element, robot: &mut Robot) -> Result<bool> {
         let own = robot.thrusters.iter_mut().find(|own| own.joint.as_deref() == Some(joint) && own.limits.is_none());
         if let Some(own) = own.filter(|_| limits[0] <= 0.0 && limits[1] >= 0.0 && limits[0] < limits[1]) {
             (own.limits, read) = (Some(limits), true);
-            channel
-                .note(&format!("limits of {}: {} to {} N, as its autopilot commands", own.name, limits[0], limits[1]));
+            let [lower, upper] = limits;
+            robot.notes.push(format!("{}: limits of {lower} to {upper} N, as ArduPilotPlugin commands it", own.name));
         }
     }
     Ok(read)
