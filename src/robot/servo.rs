@@ -59,8 +59,10 @@ fn round(x: f64) -> f64 {
 
 /// Sets the links' servos, and the stiffness of their end stops, in water of this density.
 pub fn tune(arm: &mut Arm, density: f64) {
-    let weight = |body: &Body| GRAVITY * (body.mass - density * body.volume.unwrap_or(0.0)).abs();
-    let moment = |twist: Twist, body: &Body| weight(body) * twist.at(&body.center_of_mass).norm();
+    let moment = |twist: Twist, body: &Body| {
+        let buoyancy = density * body.volume.unwrap_or(0.0) * twist.at(&body.center_of_buoyancy);
+        GRAVITY * (body.mass * twist.at(&body.center_of_mass) - buoyancy).norm()
+    };
     for i in 0..arm.links.len() {
         let inertia = arm.links[i].joint.rotor_inertia + carried(arm, i, &Twist::energy);
         let load = carried(arm, i, &moment);
