@@ -58,6 +58,7 @@ REFUSED = [
     ("scenes estimate --cylinder 1,2@3", "3 or 6 numbers after the @"),
     ("scenes import nowhere.urdf", "nowhere.urdf"),
     ("scenes import own.toml", "own.toml: is a TOML file: a scene needs no import; URDF"),
+    (f"scenes import {__file__}", "test_command_errors.py: is no XML; URDF"),
     (f"scenes import {URDF} --mount 1,2", "mount must be 6 numbers"),
     (f"scenes import {URDF} --tip hand", 'no link "hand"'),
     ("scenes explain no-such-scene", "no-such-scene"),

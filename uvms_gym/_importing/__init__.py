@@ -55,9 +55,11 @@ def read_robot(path: Path) -> dict[str, Any]:
     known = [format for format in FORMATS if element and format.element == element]
     if not known and not element:
         known = [format for format in FORMATS if not format.element and path.suffix.lower() in format.suffixes]
-    if not known and path.suffix.lower() in _OTHERS:
+    suffix, suffixes = path.suffix.lower(), {suffix for format in FORMATS for suffix in format.suffixes}
+    other = "" if element or suffix in suffixes or not path.is_file() else "no XML"
+    if not known and (what := _OTHERS.get(suffix, other)):
         names = ", ".join(f"{format.name} ({', '.join(format.suffixes)})" for format in FORMATS)
-        raise _core.SceneError(f"{path}: is {_OTHERS[path.suffix.lower()]}; {names} are read")
+        raise _core.SceneError(f"{path}: is {what}; {names} are read")
     robot: dict[str, Any] = _stated(known[0].read(path) if known else _core.read_robot(path))
     meshes.measure(robot)
     return robot
