@@ -144,10 +144,11 @@ pub fn trim(body: &mut Body, others: (f64, f64), density: f64, name: &str, notes
     body.volume = Some(volume);
     let height = body.center_of_buoyancy.z.max(com.z + METACENTRIC * volume.cbrt());
     body.center_of_buoyancy = Vector3::new(com.x, com.y, height);
+    let encloses =
+        if outline > 0.0 { format!(" (its outline encloses {:.3} L)", 1e3 * outline) } else { String::new() };
     notes.push(format!(
-        "{name}: its buoyancy is assumed: {:.3} L, so that the robot neither rises nor sinks (its outline encloses {:.3} L), and its centre {:.3} m above the centre of mass, so that it is level",
+        "{name}: its buoyancy is assumed: {:.3} L, so that the robot neither rises nor sinks{encloses}, and its centre {:.3} m above the centre of mass, so that it is level",
         1e3 * volume,
-        1e3 * outline,
         height - com.z
     ));
 }
