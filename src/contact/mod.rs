@@ -33,6 +33,9 @@ numbers! {
         pub radius: P,
         /// Maximum acceleration of the centre per force on it, 1/kg, with the body free.
         pub mobility: P,
+        /// The same where equal forces act on all spheres of the body, each along its own acceleration: at most the sum of their
+        /// mobilities.
+        pub together: P,
     }
 }
 

@@ -20,15 +20,23 @@ pub(super) fn contact_terms(
     fixture: impl Fn(&str) -> OnBody,
 ) -> Option<ContactTerms<f64>> {
     let contact = scene.contact.as_ref().filter(|contact| !contact.spheres.is_empty() && !contact.shapes.is_empty())?;
-    let spheres = contact.spheres.iter().map(|sphere| {
-        let (body, place) = robot_body(&sphere.on);
-        let center = place.times(&at(&sphere.position)).position;
-        let mobility = match body.checked_sub(1) {
-            Some(k) => mobility(&joints[k].body, Some(&joints[k]), center),
+    let places: Vec<(usize, Vector3<f64>)> = contact
+        .spheres
+        .iter()
+        .map(|sphere| {
+            let (body, place) = robot_body(&sphere.on);
+            (body, place.times(&at(&sphere.position)).position)
+        })
+        .collect();
+    let spheres = contact.spheres.iter().zip(&places).map(|(sphere, &(body, center))| {
+        let of = |points: &[Vector3<f64>]| match body.checked_sub(1) {
+            Some(k) => mobility(&joints[k].body, Some(&joints[k]), points),
             None if scene.vehicle.fixed => 0.0,
-            None => mobility(vehicle, None, center),
+            None => mobility(vehicle, None, points),
         };
-        SphereTerms { body, position: center.0, radius: sphere.radius, mobility }
+        let all: Vec<_> = places.iter().filter(|(other, _)| *other == body).map(|(_, center)| *center).collect();
+        let (mobility, together) = (of(&[center]), of(&all));
+        SphereTerms { body, position: center.0, radius: sphere.radius, mobility, together }
     });
     let shapes = contact.shapes.iter().map(|shape| {
         let (body, place) = fixture(&shape.on);
@@ -61,18 +69,26 @@ fn geometry(geometry: &ContactGeometry) -> Geometry<f64> {
     }
 }
 
-/// Maximum acceleration of a point of a body per force on it, 1/kg, with the body free and its joint's rotor fixed to it.
-fn mobility(body: &BodyTerms<f64>, joint: Option<&JointTerms<f64>>, Vector3(point): Vector3<f64>) -> f64 {
+/// Maximum eigenvalue of `sum J M^-1 J^T` over points of a body, 1/kg, with the body free and its joint's rotor fixed to it: of one point
+/// the maximum acceleration per force on it.
+fn mobility(body: &BodyTerms<f64>, joint: Option<&JointTerms<f64>>, points: &[Vector3<f64>]) -> f64 {
     let mut inertia = na::Matrix6::from_fn(|i, k| body.inertia.entry(i, k));
     if let Some(joint) = joint {
         let along = if joint.is_prismatic() { 2 } else { 5 };
         inertia[(along, along)] += joint.rotor_inertia.unwrap_or(0.0);
     }
-    let mut velocity = na::Matrix3x6::zeros();
-    velocity.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-    velocity.fixed_view_mut::<3, 3>(0, 3).copy_from(&-na::Vector3::from(point).cross_matrix());
-    let Some(cholesky) = inertia.cholesky() else { return 0.0 };
-    (velocity * cholesky.solve(&velocity.transpose())).symmetric_eigenvalues().max()
+    let mut squares = na::Matrix6::zeros();
+    for &Vector3(point) in points {
+        let mut velocity = na::Matrix3x6::zeros();
+        velocity.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        velocity.fixed_view_mut::<3, 3>(0, 3).copy_from(&-na::Vector3::from(point).cross_matrix());
+        squares += velocity.tr_mul(&velocity);
+    }
+    let Some(lower) = inertia.cholesky().map(|cholesky| cholesky.l()) else { return 0.0 };
+    // L^-1 S L^-T has the eigenvalues of S M^-1.
+    let Some(half) = lower.solve_lower_triangular(&squares) else { return 0.0 };
+    let Some(whole) = lower.solve_lower_triangular(&half.transpose()) else { return 0.0 };
+    whole.symmetric_eigenvalues().max()
 }
 
 /// Maximum acceleration of a point of a fixture's shape per force on it, 1/kg.
