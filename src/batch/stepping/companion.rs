@@ -25,6 +25,9 @@ const SEGMENT: usize = 8;
 const FEW: usize = f64::BLOCK;
 /// Time for which instances are followed where they take turns, s.
 const WINDOW: f64 = 20.0;
+/// Time after which companions begin anew in scenes with contact, s: small differences between contacts grow fast, in motions that
+/// steps of any size resolve.
+const CONTACT_WINDOW: f64 = 2.0;
 /// Share of a chunk's steps that following may take on average.
 const SHARE: f64 = 0.01;
 /// Cost of following a group of instances, in motions of one instance in double and in single precision.
@@ -70,6 +73,8 @@ pub struct CompanionScene {
     isa: Isa,
     /// Cost of following a group, in motions of one instance.
     cost: f64,
+    /// Time after which companions begin anew, if they do, s.
+    window: Option<f64>,
 }
 
 /// Companions of a batch.
@@ -133,6 +138,7 @@ impl CompanionScene {
             table: Table { layout: own, links: Vec::new() },
             isa,
             cost: COST[usize::from(T::SINGLE)],
+            window: (follow != Follow::Saved && compiled.system.contact.is_some()).then_some(CONTACT_WINDOW),
         }
     }
 
@@ -263,13 +269,16 @@ impl ChunkCompanions {
         scene.table.copy(&mut self.rows, 0..self.count, leader, &scene.loads);
         for column in 0..self.count {
             let (i, rows, track) = (self.first + column, &mut self.rows, &mut self.tracks[column]);
-            if track.stage != Stage::Follows {
+            let again = track.stage == Stage::Follows && scene.window.is_some_and(|window| track.time >= window);
+            if again || track.stage != Stage::Follows {
                 let state = leaders.table.state(leaders.rows, i);
-                if track.stage == Stage::Fresh {
+                if again || track.stage == Stage::Fresh {
                     scene.table.set_state(rows, column, &state);
                     scene.table.copy(rows, column..column + 1, leader, &scene.memory);
                 }
-                *track = Track::new(Stage::Follows, state);
+                // The scales of the motion so far stay.
+                let scales = if again { track.scales } else { [0.0; 6] };
+                *track = Track { scales, ..Track::new(Stage::Follows, state) };
             }
             track.time += h * substeps as f64;
             if let (true, Some((layout, own))) = (std::mem::take(&mut track.own_stale), leaders.own) {
