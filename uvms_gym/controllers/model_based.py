@@ -230,7 +230,7 @@ class NMPC(ClassicalController):
 
 
 class ResolvedMotion(ClassicalController):
-    """Resolved motion and inverse dynamics for `UVMS-EETrack`, from observations only. [Whi69]
+    """Resolved motion and inverse dynamics for end effectors that follow a reference, from observations only. [Whi69]
 
     The end effector's commanded twist is the reference's less `pose_gain` times the pose error and its integral. A
     damped and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the
@@ -251,8 +251,9 @@ class ResolvedMotion(ClassicalController):
     Parameters
     ----------
     env, **options
-        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag`, `end_effector` and the delay of
-        `disturbance` matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
+        As in `PD`, of `UVMS-EETrack`, `UVMS-Button` or `UVMS-Valve`; `dt`, `substeps`, `preview`, `thruster_lag`,
+        `end_effector` and the delay of `disturbance` matter, too. Residual actions and a delay beyond 10 are each a
+        `ValueError`.
     pose_gain : float or None
         Pose error to the commanded twist, 1/s. 2.5 by default.
     twist_gain, joint_gain : float or None
@@ -271,6 +272,9 @@ class ResolvedMotion(ClassicalController):
     observer_bandwidth : array_like (3,) or None
         Bandwidths of the disturbance observer, rad/s: of forces and of moments on the vehicle, and of torques on
         joints; 0 estimates nothing there. 0 by default.
+    compliance : float or None
+        Displacement of the end effector by a force on it, m/N: the reference gives way to the force that explains the
+        observer's disturbance of the joints' torques best. 0 by default.
     delay : int or None
         Age of measurements in control periods, which is compensated, 0 to 10; None: the age in the environment's
         sensors. 0 by default.
@@ -280,7 +284,7 @@ class ResolvedMotion(ClassicalController):
     """
 
     kind = "resolved-motion"
-    tasks = ("ee-track",)
+    tasks = ("ee-track", "button", "valve")
 
 
 class AdaptiveResolvedMotion(MultipleModel):
@@ -302,12 +306,15 @@ class AdaptiveResolvedMotion(MultipleModel):
     Parameters
     ----------
     env, **options
-        As in `PD`, of `UVMS-EETrack`; `dt`, `substeps`, `preview`, `thruster_lag`, `end_effector` and the delay of
-        `disturbance` matter, too. Residual actions and a delay beyond 10 are each a `ValueError`.
+        As in `PD`, of `UVMS-EETrack`, `UVMS-Button` or `UVMS-Valve`; `dt`, `substeps`, `preview`, `thruster_lag`,
+        `end_effector` and the delay of `disturbance` matter, too. Residual actions and a delay beyond 10 are each a
+        `ValueError`.
     pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain, hold
         Meaning as in `ResolvedMotion`, for all models.
     observer_bandwidth : array_like (3,) or None
         Meaning as in `ResolvedMotion`; (4, 4, 8) by default.
+    compliance : float or None
+        Meaning as in `ResolvedMotion`.
     delay : int or None
         Maximum delay of the bank, control periods, 0 to 10. By default the maximum of the environment's sensors.
     delay_schedule : array_like (2,) or None
@@ -322,4 +329,4 @@ class AdaptiveResolvedMotion(MultipleModel):
     """
 
     kind = "resolved-adaptive"
-    tasks = ("ee-track",)
+    tasks = ("ee-track", "button", "valve")

@@ -24,6 +24,8 @@ pub struct ResolvedMotionGains {
     /// Bandwidths of the disturbance observer: of forces and moments on the vehicle, and of torques on joints, rad/s; 0
     /// for none.
     pub observer_bandwidth: [f64; 3],
+    /// Displacement of the end effector by a force on it, as the observer of the joints' torques finds it, m/N; 0 for none.
+    pub compliance: f64,
     /// Age of measurements that the prediction compensates, control periods, at most [`MAX_DELAY`](crate::control::MAX_DELAY).
     pub delay: usize,
     /// Names of further end effectors, which are held still in the world at the poses where an episode begins.
@@ -42,6 +44,7 @@ impl Default for ResolvedMotionGains {
             lag_compensation: 0.0,
             integral_gain: 0.0,
             observer_bandwidth: [0.0; 3],
+            compliance: 0.0,
             delay: 0,
             hold: Vec::new(),
         }

@@ -1,6 +1,7 @@
 //! End-effector tracking by resolved motion.
 
 mod adaptive;
+mod compliance;
 mod gains;
 mod hold;
 mod motion_bank;
@@ -10,6 +11,7 @@ mod reading;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 pub use adaptive::AdaptiveMotionGains;
+use compliance::displacement;
 pub use gains::ResolvedMotionGains;
 pub(super) use motion_bank::{MotionBank, MotionEstimate, MotionEstimates};
 pub(super) use predictor::Predictor;
@@ -40,6 +42,7 @@ const MISSED: f64 = 1e-4;
 /// the reference's acceleration into a wrench and torques, clipped to the actuators' limits.
 ///
 /// With `observer_bandwidth` the forces that the model lacks are estimated from the measured velocities, and compensated;
+/// with `compliance` the end effector gives way to the force that the observer finds on it;
 /// with `hold` further end effectors are held still: their Jacobians and commanded twists, minus `pose_gain` times their
 /// own pose errors, are further rows of the same least squares;
 /// with `delay` the law acts on a prediction of the present from delayed measurements. [`Self::adaptive`] has one such
@@ -96,14 +99,14 @@ impl ResolvedMotion {
         Ok(Self { indices, gains, actions, actuation, model, period, bank, home, limits, actuated })
     }
 
-    /// Commanded accelerations, for an integral of the pose error and the targets of held end effectors: with them, ROWS of
+    /// Commanded accelerations, for an offset of the pose error and the targets of held end effectors: with them, ROWS of
     /// commanded twists.
     fn acceleration<const ROWS: usize>(
         &self,
         gains: &ResolvedMotionGains,
         now: &TrackingState,
         equations: &Equations,
-        (integral, targets): (&Vector6<f64>, &[Pose<f64>]),
+        (offset, targets): (&Vector6<f64>, &[Pose<f64>]),
     ) -> Option<Velocities> {
         let (n, q) = (self.home.len(), &now.q);
         // Mobilities: inverse weights.
@@ -142,7 +145,7 @@ impl ResolvedMotion {
         for k in 0..n {
             secondary[6 + k] = gains.posture_gain * (self.home[k] - q[k]);
         }
-        let error = now.error + integral * gains.integral_gain;
+        let error = now.error + offset;
         let (mut twist, mut rate) = (SVector::<f64, ROWS>::zeros(), SVector::<f64, ROWS>::zeros());
         twist.fixed_rows_mut::<6>(0).copy_from(&(now.reference - error * gains.pose_gain));
         rate.fixed_rows_mut::<6>(0).copy_from(&now.acceleration);
@@ -189,12 +192,14 @@ impl ResolvedMotion {
         let (integral, memory) = memory.split_at_mut(self.integrals());
         let (held, memory) = memory.split_at_mut(hold::memory(self.model.held.len()).iter().sum());
         let mut sum = Vector6::zeros();
-        integral.iter().zip(sum.iter_mut()).for_each(|(z, sum)| *sum = *z);
+        integral.iter().zip(sum.iter_mut()).for_each(|(z, sum)| *sum = *z * self.gains[0].integral_gain);
         let estimates = self.bank.as_ref().map(|bank| (bank, bank.estimate(&self.model, &now, memory)));
         let effort = match &estimates {
             Some((bank, estimates)) => {
-                let present = &estimates.likeliest().0.now;
+                let (estimate, equations) = estimates.likeliest();
+                let present = &estimate.now;
                 now.error = present.error;
+                sum -= displacement(self.gains[0].compliance, equations, &estimate.disturbance, n);
                 let targets = hold::targets(&self.model, present, self.period, held);
                 let tasks = (&sum, &targets[..]);
                 bank.mean(estimates, |k, now, equations| self.effort(&self.gains[k], now, equations, tasks))
