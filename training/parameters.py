@@ -62,6 +62,9 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
     )
     three: Groups = ((0,), (1,), (2,))
     resolved_dob = (*resolved, observer._replace(groups=three), horizon._replace(name="lag_compensation"))
+    # A tool that works on a fixture.
+    given_way = Parameter("compliance", 1e-4, 0.02, absolute=True, floor=True)
+    compliance = (given_way,) if task in ("button", "valve") else ()
     nmpc = {
         "station-keep": (*weights, observer, *expected),
         "ee-track": (
@@ -84,7 +87,7 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
         "nmpc": nmpc.get(task, ()),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
-        "resolved-dob": resolved_dob,
+        "resolved-dob": (*resolved_dob, *compliance),
         "resolved-adaptive": (
             *resolved_dob,
             schedule._replace(low=0.01, high=3.0),

@@ -16,6 +16,9 @@ multiples of the base's in the same episodes.
 In the storm the score of 64 episodes has a standard deviation of 4 %, but the difference between neighbours on the same
 episodes has 1.2 %, and 0.3 % with the 1024 episodes of finalists.
 
+Where a task counts success, the objective is the share of an episode before success plus the end effector's pose error
+in m, without limits; a valve is turned under all of `CONDITIONS`, so that one set of gains serves.
+
 The same command resumes an interrupted run.
 """
 
@@ -57,7 +60,7 @@ Floats = NDArray[np.float64]
 #: Seeds of the episodes: the comparison has lower ones, evaluations in training have higher ones.
 SEEDS = range(1_000_000, 2_000_000)
 #: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
-STEPS = {"station-keep": 0.025, "ee-track": 0.01}
+STEPS = {"station-keep": 0.025, "ee-track": 0.01, "button": 0.005, "valve": 0.005}
 
 #: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults, by the others' task
 #: and name.
@@ -69,8 +72,21 @@ STARTS = {
 }
 
 
+#: Tasks that count success; options under which a controller is tuned.
+SUCCESS = ("button", "valve")
+CONDITIONS: dict[str, list[dict[str, Any]]] = {
+    "valve": [
+        {"contract": contract, "torque": torque} for contract in ("push", "grasp") for torque in (0.012, 0.3, 0.6)
+    ]
+}
+
+
 class Score(NamedTuple):
-    """Score of a controller: pose error, m; means of effort and command variation; share of diverged episodes."""
+    """Score of a controller.
+
+    Pose error, m, with success plus the share of time before it; means of effort and command variation; share of
+    diverged episodes.
+    """
 
     pose: float
     effort: float
@@ -93,27 +109,39 @@ class Score(NamedTuple):
 class Arena:
     """Episodes of an environment, for scores of controllers."""
 
-    def __init__(self, env: str, options: dict[str, Any], steps: int) -> None:
-        self.options, self.steps = options, steps
-        #: Vector environment of a number of episodes, made once.
-        self.batch = cache(lambda episodes: gymnasium.make_vec(env, num_envs=episodes, **options))
+    def __init__(self, env: str, options: dict[str, Any], steps: int, task: str) -> None:
+        self.options, self.steps, self.task = options, steps, task
+        self._conditions = CONDITIONS.get(task, [{}])
+        #: Vector environment of a number of episodes under one of the conditions, made once.
+        self.batch = cache(
+            lambda episodes, k=0: gymnasium.make_vec(env, num_envs=episodes, **options, **self._conditions[k])
+        )
 
-    def score(self, controller: Controller, seed: int, episodes: int) -> Score:
-        """Score a controller in the episodes with seeds from `seed` on."""
-        stats = run_episodes(self.batch(episodes), controller, seed, self.steps)
-        totals = (stats.sums["power"].sum(), stats.sums["action_rate"].sum())
-        effort, changes = (float(total / stats.steps.sum()) for total in totals)
-        return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))
+    def score(self, make: Callable[[Any], Controller], seed: int, episodes: int) -> Score:
+        """Score a controller, made for an environment, in the episodes with seeds from `seed` on."""
+        count, found = -(-episodes // len(self._conditions)), []
+        for k in range(len(self._conditions)):
+            batch = self.batch(count, k)
+            stats = run_episodes(batch, make(batch), seed, self.steps)
+            totals = (stats.sums["power"].sum(), stats.sums["action_rate"].sum())
+            effort, changes = (float(total / stats.steps.sum()) for total in totals)
+            error = interquartile_mean(pose_rms(stats))
+            if self.task in SUCCESS:
+                error += 1.0 - float(stats.mean("success").mean())
+            found.append(Score(error, effort, changes, float(stats.terminated.mean())))
+        return Score(*np.mean(found, axis=0).tolist())
 
 
 class Tuner:
     """Scores of a controller's gains."""
 
-    #: Tuned base, whose effort is the limit.
-    limiting: Controller | None = None
+    #: Maker of the tuned base, whose effort is the limit.
+    limiting: Callable[[Any], Controller] | None = None
 
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
         self._arena, self._entry, self._sought = arena, CONTROLLERS[name], sought
+        #: What the objective has beside the pose error.
+        self.addition = ", plus the mean share of time before success" if arena.task in SUCCESS else ""
         own = self.controller({})
         self._own = {p.name: np.asarray(own.gains[p.name], dtype=np.float64) for p in sought}
 
@@ -149,12 +177,12 @@ class Tuner:
 
     def score(self, gains: dict[str, Any], seed: int, episodes: int) -> Score:
         """Score gains."""
-        return self._arena.score(self.controller(gains), seed, episodes)
+        return self._arena.score(partial(self._entry.make, gains), seed, episodes)
 
     def limits(self, seed: int, episodes: int) -> Limits:
         """Limits in these episodes; none for the base itself."""
-        if self.limiting is None:
-            return Limits()
+        if self.limiting is None or self._arena.task in SUCCESS:
+            return Limits(None)
         base, over = self._arena.score(self.limiting, seed, episodes), self._entry.setting.limits
         return Limits(over.effort and over.effort * base.effort, over.variation and over.variation * base.variation)
 
@@ -222,7 +250,8 @@ def tune(
         finals.append(((len(edges), not score.within(limits), score.objective(limits)), gains, edges, score))
     _, gains, edges, score = min(finals, key=lambda final: final[0])
     record = {
-        "objective": "interquartile mean of the episodes' RMS of sqrt(position^2 + (0.5 m * attitude)^2), m",
+        "objective": "interquartile mean of the episodes' RMS of sqrt(position^2 + (0.5 m * attitude)^2), m"
+        + tuner.addition,
         "score": score.pose,
         "effort": score.effort,
         "effort_limit": limits.effort,
@@ -311,7 +340,8 @@ def main(
         if name != base:
             gains = _stored(file, base, "whose effort is the limit")
             theirs = Tuner(arena, base, known[base])
-            ours.limiting, start = theirs.controller(gains), ours.start(theirs.factors(gains))
+            ours.limiting = partial(CONTROLLERS[base].make, gains)
+            start = ours.start(theirs.factors(gains))
         if origin := STARTS.get((task, name)):
             theirs = Tuner(arena, origin, known[origin])
             start = ours.start(ours.factors() | theirs.factors(_stored(file, origin, "where the search starts")))
@@ -385,7 +415,7 @@ def _arena(
     options |= {"max_episode_steps": steps, "integrator": integrator}
     if informed:
         options["disturbance"] = {"base": inner.options.disturbance, "noise": None, "delay": None}
-    return Arena(env, options, steps)
+    return Arena(env, options, steps, inner.task)
 
 
 def _print(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:

@@ -489,6 +489,7 @@ class Task:
 
     INFO: ClassVar[list[str]]
     metric_names: Final[list[str]]
+    target_frame: Final[str]
     num_envs: Final[int]
     scene: Final[dict[str, Any]]
     layout: Final[list[dict[str, Any]]]

@@ -16,6 +16,8 @@ ENVIRONMENTS = {
     "UVMS-StationKeep-v0": ("pd", 60),
     "UVMS-EETrack-v0": ("resolved", 120),
     "UVMS-Dock-v0": ("dock-pd", 40),
+    "UVMS-Button-v0": ("resolved-dob", 110),
+    "UVMS-Valve-v0": ("resolved-dob", 240),
 }
 
 

@@ -1,11 +1,12 @@
 //! Scenes and parts that come with the package.
 
 /// Scenes: name and text.
-const SCENES: [(&str, &str); 10] = [
+const SCENES: [(&str, &str); 11] = [
     ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
     ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
     ("bluerov2-heavy-two-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-two-alpha5.toml")),
     ("bluerov2-heavy-alpha5-gripper", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5-gripper.toml")),
+    ("bluerov2-heavy-alpha5-tool", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5-tool.toml")),
     ("bluerov2-alpha5-pool", include_str!("../../uvms_gym/scenes/bluerov2-alpha5-pool.toml")),
     ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
     ("petasus", include_str!("../../uvms_gym/scenes/petasus.toml")),

@@ -40,6 +40,26 @@ pub(crate) struct LinkScratch<L> {
     pub u_over_D: L,
 }
 
+impl<L: Lane> LinkScratch<L> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn new() -> Self {
+        let (zero, none) = (L::zero(), Vector6::zero());
+        Self {
+            screw: [zero; 2],
+            start: [zero; 3],
+            g: Vector3::zero(),
+            U_over_D: none,
+            J_over_D: zero,
+            along: zero,
+            V: none,
+            c: [zero; 4],
+            p: none,
+            u_over_D: zero,
+        }
+    }
+}
+
 /// Drive of a joint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Drive<L> {
@@ -66,19 +86,7 @@ pub struct Scratch<L> {
 impl<L: Lane> Scratch<L> {
     /// Zeros. No pass reads an entry before it has written it.
     pub fn new() -> Self {
-        let (zero, none) = (L::zero(), Vector6::zero());
-        let link = LinkScratch {
-            screw: [zero; 2],
-            start: [zero; 3],
-            g: Vector3::zero(),
-            U_over_D: none,
-            J_over_D: zero,
-            along: zero,
-            V: none,
-            c: [zero; 4],
-            p: none,
-            u_over_D: zero,
-        };
+        let (link, none) = (LinkScratch::new(), Vector6::zero());
         let (branches, contact, water) = (Branches::new(), ContactScratch::new(), WaterFrame::still());
         Self { links: [link; JOINTS], branches, rates: [none; JOINTS], contact, water }
     }

@@ -6,6 +6,7 @@
 //! | [`aba_implicit`] | the same for linearly implicit Euler | lanes, over `System` |
 //! | [`contact`], `contact_adjoint` | wrenches of contacts on vehicle and links | lanes, over `System` |
 //! | `composite_body` | composite inertia, momentum and outer forces of vehicle and arm | lanes, over `System` |
+//! | [`tool_contact`] | contacts of a tool with a fixture | lanes, over `System` |
 //! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
 //! | `rnea` | recursive Newton-Euler algorithm: inverse dynamics in O(n) | lanes, over `System` |
 //! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
@@ -43,6 +44,7 @@ mod momentum;
 pub mod place;
 mod rnea;
 mod surroundings;
+pub mod tool_contact;
 
 pub use closed_form::{BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
 pub use closed_form_model::{BodyFrame, ClosedFormModel};

@@ -64,7 +64,7 @@ impl Task {
     #[getter]
     fn privileged_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let mut blocks = BlockList::new(py);
-        for part in privileged_layout(self.batch.task().joint_count()) {
+        for part in privileged_layout(self.batch.task().coordinate_count()) {
             let ranges = vec![[f64::NEG_INFINITY, f64::INFINITY]; part.length];
             blocks.push(part.name, &vec![1.0; part.length], &ranges, part.unit, part.description)?;
         }

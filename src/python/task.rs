@@ -17,7 +17,7 @@ use super::{scene, starts};
 use uvms_gym::batch::{Autoreset, Outputs, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
 use uvms_gym::limits::memory;
-use uvms_gym::task::{Episode, INFO, METRICS, Metrics, TASKS, TaskOptions};
+use uvms_gym::task::{Episode, Frame, INFO, METRICS, Metrics, TASKS, TaskOptions};
 
 /// Steps of instances that are too short to interrupt: some ten milliseconds.
 const SHORT: f64 = 65536.0;
@@ -96,6 +96,15 @@ impl Task {
         let batch = TaskBatch::new(scene, options, simulator, autoreset, max_episode_steps).or_raise()?;
         let info = InfoForm::new(py, batch.task().metric_names())?;
         Ok(Self { batch, info })
+    }
+
+    /// Frame whose pose error counts: "vehicle" or "end-effector".
+    #[getter]
+    fn target_frame(&self) -> &'static str {
+        match self.batch.task().options().task.frame() {
+            Frame::Vehicle => "vehicle",
+            Frame::EndEffector => "end-effector",
+        }
     }
 
     /// Names of the metrics, in the order of the rows of `info`.
@@ -254,7 +263,8 @@ impl Task {
             "error_estimate": simulator.error_estimate,
         };
         let task = scene::object(&batch.task().options().to_value().or_raise()?, py)?;
-        Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
+        let scene = scene::to_python(batch.task().given_scene(), py)?;
+        Ok(((scene, task).into_pyobject(py)?, options))
     }
 
     /// Drawn parts and progress of the episodes: seed, episode and step (N,), target_position (N, 3),

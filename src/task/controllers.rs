@@ -259,10 +259,14 @@ impl Task {
     }
 
     fn tracking_indices(&self) -> Result<TrackingIndices, TaskError> {
-        let TaskKind::EETrack(EETrack { preview, .. }) = &self.options().task else {
+        if self.options().task.base() != BaseController::ResolvedMotion {
             return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
+        }
+        let spacing = match &self.options().task {
+            TaskKind::EETrack(EETrack { preview, .. }) => preview.spacing,
+            _ => 0.0,
         };
-        let previewed = preview.spacing > 0.0 && self.layout().block("preview").is_some();
+        let previewed = spacing > 0.0 && self.layout().block("preview").is_some();
         let ObservationIndices { width, error, twist } = self.feedback_indices(["linear_velocity", "angular_velocity"]);
         Ok(TrackingIndices {
             width,
@@ -272,7 +276,7 @@ impl Task {
             q: self.block_indices(&["joint_position"]),
             qd: self.block_indices(&["joint_rate"]),
             reference: self.block_indices(&["reference_twist"]),
-            ahead: previewed.then(|| (self.block_indices(&["preview"]), preview.spacing)),
+            ahead: previewed.then(|| (self.block_indices(&["preview"]), spacing)),
         })
     }
 

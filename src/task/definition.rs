@@ -18,6 +18,7 @@ use super::pose::{Pose, PoseError, StageState};
 use super::random::Stream;
 use super::reward::{COARSE, RewardKernel};
 use crate::control::{ActionKind, Actuation};
+use crate::description::Scene;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, Shared};
 use crate::lie;
@@ -59,6 +60,9 @@ pub trait TaskDefinition:
     const FRAME: Frame = Frame::Vehicle;
     /// Joints are driven by torques, the last entries of an action, rather than follow references under their servos.
     const DRIVES_JOINTS: bool = false;
+    /// Driven joints keep the damping of their servos as friction, which keeps light joints from diverging; without it only joints
+    /// without rotor inertia do.
+    const KEEPS_SERVO_DAMPING: bool = true;
     /// The direction against gravity is measured and observed.
     const OBSERVES_UP: bool = false;
     /// Observation blocks of the measured twist, linear and angular: name and description.
@@ -89,6 +93,14 @@ pub trait TaskDefinition:
     /// # Errors
     /// `TaskError::Option`.
     fn check(&self, start_distance: f64) -> Result<(), TaskError>;
+
+    /// Adds to the scene what the robot works on: by default nothing.
+    ///
+    /// # Errors
+    /// `TaskError::Scene` for a scene that does not fit.
+    fn place(&self, scene: Scene) -> Result<Scene, TaskError> {
+        Ok(scene)
+    }
 
     /// Appends the task's observation blocks, between the joint rates and the previous action: by default the joints' references.
     fn layout(&self, _options: &TaskOptions, model: &TaskModel, layout: &mut ObservationLayout) {

@@ -10,7 +10,7 @@ use super::bounds::{SPEED_BOUND, bounded_length};
 use super::definition::{BaseController, ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
 use super::disturbance::WaveOrbit;
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
-use super::metrics::{Metrics, OWN_METRICS};
+use super::metrics::{Metrics, OWN_METRICS, continues, padded};
 use super::model::TaskModel;
 use super::options::{TaskOptions, Tolerance, check_non_negative, check_range};
 use super::pose::Pose;
@@ -254,12 +254,12 @@ impl TaskDefinition for Dock {
         dock.time_to_dock = memory.get(own + TIME);
         dock.approach_speed = memory.get(own + APPROACH_SPEED);
         dock.reward_docking = memory.get(own + REWARD);
-        dock.to_array()
+        padded(dock.to_array())
     }
 
     #[inline(always)]
     fn continues<L: Lane>(kernel: &TaskKernel<L::Real, Self>, metrics: &Metrics<L>, in_bounds: L::Mask) -> L::Mask {
-        if kernel.task.terminate_on_success { L::and(in_bounds, metrics.success.lt(L::c(0.5))) } else { in_bounds }
+        continues(metrics, in_bounds, kernel.task.terminate_on_success)
     }
 }
 

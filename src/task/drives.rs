@@ -36,12 +36,14 @@ impl JointDrives {
 }
 
 /// The scene with its joints driven by torques. The damping of their servos stays on as friction, which keeps light joints
-/// from diverging between control instants.
-pub(super) fn with_drives(scene: &Scene) -> Scene {
+/// from diverging between control instants: for all joints, or only for those without rotor inertia.
+pub(super) fn with_drives(scene: &Scene, all: bool) -> Scene {
     let mut scene = scene.clone();
     for joint in scene.joints_mut() {
         if let Some(servo) = &mut joint.servo {
-            joint.friction.viscous += servo.kd;
+            if all || joint.rotor_inertia == 0.0 {
+                joint.friction.viscous += servo.kd;
+            }
             *servo = JointServo { kp: 0.0, kd: 0.0 };
         }
     }

@@ -58,8 +58,10 @@ pub struct TaskRows {
 /// Rows of an episode's numbers in a table with a column per instance: first row of each quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeRows {
-    /// Number of joints.
+    /// Number of joints of the robot.
     pub joints: usize,
+    /// Number of joint coordinates of the state: those of the robot, then those of fixtures.
+    pub coordinates: usize,
     /// Entries of an action.
     pub actions: usize,
     /// Target at the current control instant: rotation by rows (9), position (3).
@@ -94,6 +96,7 @@ impl EpisodeRows {
         let (target, current, task) = (rows.take(12), rows.take(3), task(&mut rows));
         let this = Self {
             joints,
+            coordinates: model.scene.coordinates().count(),
             actions,
             target,
             current,

@@ -103,9 +103,26 @@ metrics! {
 /// Number of metrics that all tasks share.
 pub const METRICS: usize = Metrics::NAMES.len();
 /// Maximum number of a task's own metrics.
-pub const OWN_METRICS: usize = 4;
+pub const OWN_METRICS: usize = 8;
 /// Maximum number of metrics of a task.
 pub const INFO: usize = METRICS + OWN_METRICS;
+
+/// A task's own metrics, padded with zeros.
+#[inline(always)]
+#[expect(clippy::manual_memcpy, reason = "a copy of slices is a call in kernels")]
+pub(super) fn padded<L: Lane, const K: usize>(own: [L; K]) -> [L; OWN_METRICS] {
+    let mut padded = [L::zero(); OWN_METRICS];
+    for k in 0..K {
+        padded[k] = own[k];
+    }
+    padded
+}
+
+/// Instances in bounds whose episode continues: with `ends`, up to success.
+#[inline(always)]
+pub(super) fn continues<L: Lane>(metrics: &Metrics<L>, in_bounds: L::Mask, ends: bool) -> L::Mask {
+    if ends { L::and(in_bounds, metrics.success.lt(L::c(0.5))) } else { in_bounds }
+}
 
 /// Result of a control period for a group of instances.
 #[derive(Debug, Clone, Copy)]

@@ -1,11 +1,12 @@
 //! Tasks: sampling of episodes, references, observations, metrics and rewards.
 //!
-//! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`, `dock`) and is listed in `registry`.
+//! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`, `dock`, `button`, `valve`) and is listed in `registry`.
 //! All results are per instance and depend on the task, the seed and the number of the episode only. The steps at a control
 //! instant are written in lanes ([`TaskKernel`]), compiled once per task and precision; episodes are drawn one by one in f64.
 
 mod arm_reference;
 mod bounds;
+mod button;
 mod controllers;
 mod definition;
 pub mod disturbance;
@@ -15,6 +16,7 @@ mod ee_track;
 mod episode;
 mod gradient;
 mod kernel;
+mod manipulation;
 mod metrics;
 mod model;
 pub mod observation;
@@ -33,7 +35,11 @@ mod scene_task;
 mod settings;
 mod start;
 mod station_keep;
+mod tool_path;
+mod valve;
+mod workplace;
 
+pub use button::Button;
 pub use controllers::ControllerKind;
 pub use definition::{BaseController, ControlInstant, Frame, TaskDefinition, TaskKernel};
 pub use dock::{Dock, DockArm};
@@ -55,3 +61,4 @@ pub use reward::RewardWeights;
 pub use scene_draws::SceneDraws;
 pub use scene_task::{DEFAULT_HORIZON, Task};
 pub use station_keep::StationKeep;
+pub use valve::{Valve, ValveContract};

@@ -15,7 +15,7 @@ pub struct PrivilegedPart {
     pub description: &'static str,
 }
 
-/// Parts of [`privileged`] in order, for `joints` joints.
+/// Parts of [`privileged`] in order, for `joints` joint coordinates, those of fixtures included.
 pub fn privileged_layout(joints: usize) -> [PrivilegedPart; 10] {
     let part = |name, length, unit, description| PrivilegedPart { name, length, unit, description };
     [

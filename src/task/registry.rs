@@ -4,11 +4,13 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use super::definition::{BaseController, TaskDefinition};
+use super::button::Button;
+use super::definition::{BaseController, Frame, TaskDefinition};
 use super::dock::Dock;
 use super::ee_track::EETrack;
 use super::options::TaskOptions;
 use super::station_keep::StationKeep;
+use super::valve::Valve;
 use crate::description::Integration;
 use crate::error::TaskError;
 
@@ -57,7 +59,7 @@ macro_rules! tasks {
     };
 }
 
-tasks! { $ StationKeep, EETrack, Dock }
+tasks! { $ StationKeep, EETrack, Dock, Button, Valve }
 pub(crate) use dispatch_task;
 
 impl Default for TaskKind {
@@ -75,6 +77,11 @@ impl TaskKind {
     /// Name of the environment.
     pub fn environment(&self) -> &'static str {
         dispatch_task!(self, K, _definition => K::ENVIRONMENT)
+    }
+
+    /// Frame whose pose error counts.
+    pub fn frame(&self) -> Frame {
+        dispatch_task!(self, K, _definition => K::FRAME)
     }
 
     /// Controller that residual actions correct.

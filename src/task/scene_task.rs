@@ -35,6 +35,7 @@ pub const DEFAULT_HORIZON: u32 = 400;
 #[derive(Debug, Clone)]
 pub struct Task {
     options: TaskOptions,
+    given: Arc<Scene>,
     model: Arc<TaskModel>,
     thruster_names: Vec<String>,
     joint_names: Vec<String>,
@@ -50,17 +51,24 @@ impl Task {
     /// joint without a servo, an unknown end effector, or an option out of its range.
     pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check_all()?;
+        let given = Arc::new(scene.clone());
         let scene = match &options.end_effector {
             Some(name) => scene.with_end_effector(name).map_err(|error| TaskError::Options(error.to_string()))?,
             None => scene.clone(),
         };
-        dispatch_task!(&options.task, K, task => Self::with_definition::<K>(scene, task.clone(), options))
+        dispatch_task!(&options.task, K, task => Self::with_definition::<K>(scene, task.clone(), options, given))
     }
 
-    fn with_definition<K: TaskDefinition>(mut scene: Scene, task: K, options: TaskOptions) -> Result<Self, TaskError> {
+    fn with_definition<K: TaskDefinition>(
+        mut scene: Scene,
+        task: K,
+        options: TaskOptions,
+        given: Arc<Scene>,
+    ) -> Result<Self, TaskError> {
         if K::DRIVES_JOINTS {
-            scene = with_drives(&scene);
+            scene = with_drives(&scene, K::KEEPS_SERVO_DAMPING);
         }
+        scene = task.place(scene)?;
         if let Some(lag) = options.thruster_lag {
             scene.vehicle.set_thruster_lag(lag);
         }
@@ -73,6 +81,7 @@ impl Task {
             model: Arc::new(model),
             kernel: Arc::new(Scalar { task, kernel }),
             options,
+            given,
         })
     }
 
@@ -109,6 +118,11 @@ impl Task {
     /// The scene, with the task's changes.
     pub fn scene(&self) -> &Scene {
         &self.model.scene
+    }
+
+    /// The scene as it was given.
+    pub fn given_scene(&self) -> &Scene {
+        &self.given
     }
 
     /// Scenes of the episodes, where they differ.
@@ -160,6 +174,11 @@ impl Task {
     /// Names of the metrics: the shared ones, then the task's own.
     pub fn metric_names(&self) -> &[&'static str] {
         &self.metric_names
+    }
+
+    /// Number of joint coordinates of the state: the robot's joints, then the fixtures.
+    pub fn coordinate_count(&self) -> usize {
+        self.model.scene.coordinates().count()
     }
 
     /// Number of joints.
@@ -273,7 +292,7 @@ fn model<K: TaskDefinition>(scene: Scene, task: &K, options: &TaskOptions) -> Re
         disturbance.check(&context)?;
     }
     let drives = match K::DRIVES_JOINTS {
-        true => JointDrives::new(&scene, &up, allocation.wrench_limits())?,
+        true => JointDrives::new(&scene.robot(), &up, allocation.wrench_limits())?,
         false => JointDrives::default(),
     };
     let parameters = disturbance.parameters.as_ref();

@@ -36,8 +36,8 @@ def test_specs_are_plain_data(task):
     assert isinstance(spec.entry_point, str)
     assert isinstance(spec.vector_entry_point, str)
     assert spec.additional_wrappers == ()
-    # 20 s.
-    assert spec.max_episode_steps == 20.0 * control_rate(task)
+    # 20 s, for a valve 40 s.
+    assert spec.max_episode_steps == (40.0 if "Valve" in task else 20.0) * control_rate(task)
     json.dumps(spec.kwargs)
 
 
@@ -102,13 +102,17 @@ def test_observations_are_clipped_to_their_bounds_not_beyond(task, dtype):
     assert (np.abs(observation) == high).any(), "nothing was clipped, so this shows nothing"
 
 
-CONTROLLERS = {"StationKeep": uvms_gym.PD, "EETrack": uvms_gym.ResolvedMotion, "Dock": uvms_gym.DockPD}
+CONTROLLERS = {"StationKeep": uvms_gym.PD, "Dock": uvms_gym.DockPD, "": uvms_gym.ResolvedMotion}
 
 
+# An untuned controller bangs the tool on the panel, which is chaotic.
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 def test_observations_are_of_order_one(task):
+    # Untuned controllers do not stand every delay.
+    substeps = 10 if "Button" in task or "Valve" in task else 5
+    options = {"max_episode_steps": None, "dt": 0.05 / substeps, "substeps": substeps, "thruster_lag": None}
     for scene in scenes_with_thrusters():
-        # Untuned controllers do not stand every delay.
-        envs = gym.make_vec(task, 32, scene=scene, max_episode_steps=None, dt=0.01, substeps=5, thruster_lag=None)
+        envs = gym.make_vec(task, 32, scene=scene, **options)
         observations, _ = envs.reset(seed=0)
         policy = next(kind for name, kind in CONTROLLERS.items() if name in task)(envs)
         seen = []
@@ -162,10 +166,12 @@ def test_options_set_state_target_and_current_and_stay_the_callers(task):
     assert options == kept
     simulator, episode = env.snapshot(), env.episode
     for name in ("position", "twist", "q", "qd"):
-        np.testing.assert_array_equal(getattr(simulator, name), [options[name]])
+        # Fixtures come behind the robot's joints.
+        given = getattr(simulator, name)[:, : len(options[name])]
+        np.testing.assert_array_equal(given, [options[name]])
     np.testing.assert_allclose(simulator.quaternion, [options["attitude"]], atol=1e-15)
     np.testing.assert_array_equal(episode["current"], [options["current"]])
-    if "EETrack" not in task:  # whose reference starts at home
+    if "StationKeep" in task or "Dock" in task:  # whose target is not a reference from home on
         np.testing.assert_array_equal(episode["target_position"], [options["target_position"]])
     assert (info["current_x"], info["current_y"], info["current_z"]) == (0.0, 0.2, 0.0)
     if "StationKeep" in task:

@@ -13,11 +13,25 @@ import uvms_gym
 from uvms_gym._core import task_defaults, tasks
 from uvms_gym._task.arguments import RESET_OPTIONS
 from uvms_gym._task.options import BATCH_OPTIONS, GROUPS
-from uvms_gym.envs import DockEnv, EETrackEnv, StationKeepEnv, StationKeepOptions, TaskOptions
+from uvms_gym.envs import (
+    ButtonEnv,
+    DockEnv,
+    EETrackEnv,
+    StationKeepEnv,
+    StationKeepOptions,
+    TaskOptions,
+    ValveEnv,
+)
 
 ARM = "bluerov2-heavy-alpha5"
-ENVS = {"station-keep": StationKeepEnv, "ee-track": EETrackEnv, "dock": DockEnv}
-CLASSICAL = {"station-keep": uvms_gym.PD, "ee-track": uvms_gym.ResolvedMotion, "dock": uvms_gym.DockPD}
+ENVS = {
+    "station-keep": StationKeepEnv,
+    "ee-track": EETrackEnv,
+    "dock": DockEnv,
+    "button": ButtonEnv,
+    "valve": ValveEnv,
+}
+CLASSICAL = dict.fromkeys(ENVS, uvms_gym.ResolvedMotion) | {"station-keep": uvms_gym.PD, "dock": uvms_gym.DockPD}
 #: Options that the native task does not have.
 PYTHON = {"scene", "privileged", *BATCH_OPTIONS}
 every_task = pytest.mark.parametrize("task", ENVS)
@@ -41,8 +55,8 @@ def test_defaults_match_the_native_module(task):
             assert value is None
             assert GROUPS[name].keys() == native[name].keys(), name
         elif name == "dt":
-            # None: half of the scene's step in end-effector tracking, else the step.
-            assert value is None and native[name] == (0.005 if task == "ee-track" else 0.01)
+            # None: half of the scene's step where joints are driven, else the step.
+            assert value is None and native[name] == (0.01 if task in ("station-keep", "dock") else 0.005)
         elif name not in PYTHON:
             assert (value, type(value)) == (native[name], type(native[name])), name
 
@@ -210,7 +224,8 @@ def test_bad_reset_options_change_nothing(task, number):
     with pytest.raises(ValueError, match="unknown reset option 'wind'") as raised:
         env.reset(options={"wind": 1.0})
     assert all(name in str(raised.value) for name in (*RESET_OPTIONS, *["reset_mask"] * (number == "many")))
-    joints = len(env.snapshot().joint_names)
+    # Those of the robot, without fixtures.
+    joints = next(block.length for block in env.layout if block.name == "joint_position")
     for options, words in (
         ({"position": [0.0, 0.0]}, "position"),
         ({"position": [0.0, 11.0, 0.0]}, "distance.*1[01].*below 10"),
@@ -314,7 +329,7 @@ def test_an_instance_that_diverges_resets_and_its_neighbours_do_not_notice(task)
     one, other = run(calm), run(wild)
     assert any(step[2][1] for step in other)
     cost = task_defaults(task)["reward"]["diverged"]
-    assert cost == {"station-keep": 0.0, "ee-track": 100.0, "dock": 500.0}[task]
+    assert cost == {"station-keep": 0.0, "dock": 500.0}.get(task, 100.0)
     for a, b in zip(one, other, strict=True):
         for k in range(4):
             np.testing.assert_array_equal(a[k][[0, 2]], b[k][[0, 2]])

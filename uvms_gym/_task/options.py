@@ -139,6 +139,10 @@ class TaskOptions:
     by_task: ClassVar[dict[str, type["TaskOptions"]]] = {}
     #: Reward weight on changes of the action in the variants of the environment with disturbances.
     storm_action_rate: ClassVar[float] = 0.2
+    #: Further options of these variants.
+    storm: ClassVar[Mapping[str, Any]] = {}
+    #: Duration of an episode of the registered environments, s.
+    episode_time: ClassVar[float] = 20.0
 
     scene: Scene = "petasus-pum"
     action: Literal["wrench", "thrusters", "residual"] = "wrench"

@@ -193,7 +193,8 @@ def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> 
             raise TypeError(f"pass either env or options, not both: {', '.join(given)}")
         inner = _unwrapped(controller, env)
         given = {**inner.options.to_dict(), "task": inner.task}
-    matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", "end_effector", *more)
+    common = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", "end_effector")
+    matters = (*common, "observe_fixture", "observe_force", *more)
     return {key: value for key, value in given.items() if key in matters}
 
 

@@ -24,8 +24,20 @@ from uvms_gym.controllers.model_based import (
 #: Names of tasks in environments' ids.
 TASKS = dict(_core.tasks())
 #: Reference controller of each task, and the teacher of a policy that is distilled for it.
-BASELINE = {"station-keep": "pd", "ee-track": "resolved", "dock": "dock-pd"}
-TEACHERS = {"station-keep": "dob", "ee-track": "resolved-dob", "dock": "dock-pd"}
+BASELINE = {
+    "station-keep": "pd",
+    "ee-track": "resolved",
+    "dock": "dock-pd",
+    "button": "resolved",
+    "valve": "resolved",
+}
+TEACHERS = {
+    "station-keep": "dob",
+    "ee-track": "resolved-dob",
+    "dock": "dock-pd",
+    "button": "resolved-dob",
+    "valve": "resolved-dob",
+}
 #: Prefixes of names of files: of a neural policy (`mlp:FILE`), and of Python code (`py:FILE.py:NAME`).
 MLP_PREFIX, CODE_PREFIX = "mlp:", "py:"
 #: Settings along the frontier of error against variation of commands, calmest first.
@@ -37,6 +49,8 @@ LEVELS = {
     "free": "the smallest error, at any effort",
 }
 _STATION, _TRACK = ("station-keep",), ("ee-track",)
+#: Tasks of an end effector.
+_TOOL = (*_TRACK, "button", "valve")
 _ALL = tuple(TASKS)
 
 
@@ -205,8 +219,8 @@ FAMILIES: dict[str, Family] = {
     ),
     "shac": Family(
         "Neural policy, trained from scratch by gradients through the simulator (SHAC).",
-        "First choice among policies for end-effector tracking; trains in less than a minute.",
-        _TRACK,
+        "First choice among policies for end effectors; trains in less than a minute.",
+        _TOOL,
         default="medium",
         settings={**_levels(_PRICES, ("medium",)), "wide": _WIDE},
     ),

@@ -8,14 +8,19 @@ from uvms_gym import _core
 from uvms_gym._task.base import EPISODE_STEPS, INFO, Block
 from uvms_gym._task.options import Preview, RewardWeights, TaskOptions, Tolerance
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
+from uvms_gym.envs.button import ButtonEnv, ButtonOptions, ButtonVectorEnv
 from uvms_gym.envs.dock import DockEnv, DockOptions, DockVectorEnv
 from uvms_gym.envs.ee_track import EETrackEnv, EETrackOptions, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepOptions, StationKeepVectorEnv
+from uvms_gym.envs.valve import ValveEnv, ValveOptions, ValveVectorEnv
 
 __all__ = [
     "EPISODE_STEPS",
     "INFO",
     "Block",
+    "ButtonEnv",
+    "ButtonOptions",
+    "ButtonVectorEnv",
     "DockEnv",
     "DockOptions",
     "DockVectorEnv",
@@ -31,13 +36,16 @@ __all__ = [
     "TaskOptions",
     "TaskVectorEnv",
     "Tolerance",
+    "ValveEnv",
+    "ValveOptions",
+    "ValveVectorEnv",
     "register_envs",
 ]
 
 #: Levels of disturbances in which controllers are compared, by the variant of the environments' names.
 VARIANTS = {"-Storm": "storm", "-Wide": "storm-wide"}
-#: Control period there, s, control periods of an episode, and the thrusters' lag, s.
-_PERIOD, _STEPS, _LAG = 0.1, 200, 0.1
+#: Control period there, s, and the thrusters' lag, s.
+_PERIOD, _LAG = 0.1, 0.1
 
 
 def register_envs() -> None:
@@ -46,9 +54,11 @@ def register_envs() -> None:
         options = TaskOptions.by_task[task]
         name = options.__name__.removesuffix("Options")
         reward = {"effort": 0.05, "action_rate": options.storm_action_rate}
-        common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / _core.task_defaults(task)["dt"]), "reward": reward}
-        variants: dict[str, tuple[int, dict[str, Any]]] = {"": (EPISODE_STEPS, {})}
-        variants |= {variant: (_STEPS, {"disturbance": level, **common}) for variant, level in VARIANTS.items()}
+        defaults, time = _core.task_defaults(task), options.episode_time
+        common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / defaults["dt"]), "reward": reward, **options.storm}
+        steps, storm_steps = round(time / (defaults["dt"] * defaults["substeps"])), round(time / _PERIOD)
+        variants: dict[str, tuple[int, dict[str, Any]]] = {"": (steps, {})}
+        variants |= {variant: (storm_steps, {"disturbance": level, **common}) for variant, level in VARIANTS.items()}
         for variant, (steps, arguments) in variants.items():
             if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
                 gymnasium.register(

@@ -75,8 +75,7 @@ def shots(native: Task) -> dict[str, NDArray[Any]]:
     pose = np.zeros((native.num_envs, 4, 4))
     pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = episode["target_rotation"], episode["target_position"], 1.0
     path = native.paths(_PLACES)
-    # With a path, the pose is the end effector's.
-    kind = "point" if path.size else "dock" if "docked" in native.metric_names else "target"
+    kind = "point" if native.target_frame == "end-effector" else "dock" if "docked" in native.metric_names else "target"
     return {
         "position": simulator.position,
         "rotation": simulator.rotation,

@@ -79,13 +79,16 @@ class ReturnGradient:
         self.substeps = int(np.ceil(period / STEP - 1e-9))
         self.simulator = Simulator(self.native.scene, rows, dt=period / self.substeps, integrator="ros2", threads=1)
         self.limits = np.asarray(self.simulator.thruster_limits)
+        #: Number of joint coordinates, those of fixtures included.
         self.joints = self.simulator.num_joints
         blocks = {block.name: block for block in envs.layout}
         #: Entries of joint coordinates in an observation, and their scales.
         self.coordinates, self.scale = slice(0, 0), np.zeros(0)
-        if self.joints:
+        #: Number of the robot's joints.
+        self.driven = 0
+        if "joint_position" in blocks:
             block = blocks["joint_position"]
-            self.coordinates, self.scale = block.slice, np.array(block.scale)
+            self.coordinates, self.scale, self.driven = block.slice, np.array(block.scale), len(block.scale)
         self._names = tuple(self.simulator.parameters)
 
     def posture_costs(self, perfect: Tensor) -> Tensor:
@@ -101,7 +104,7 @@ class ReturnGradient:
         pull : callable
             Cotangent (b, h d) of the policy's input at step t from the cotangent of its action (b, a).
         """
-        native, n, (s, w, c, d, a, _) = self.native, self.joints, self.native.gradient_widths
+        native, (s, w, c, d, a, _) = self.native, self.native.gradient_widths
         states, memories, raw = windows.states.numpy(), windows.memories.numpy(), windows.actions.numpy().astype(float)
         on, (steps, rows, _) = windows.alive.numpy()[..., None], raw.shape
         # The last row of a memory is the age of measurements, where they are late.
@@ -120,7 +123,7 @@ class ReturnGradient:
         on_observation, on_measurement = given[..., :d], given[history - 1 :, :, d + 1 : d + 1 + w]
         given[history:, :, d] = (weight[:-1] * on)[..., 0]
         postures = windows.perfect[1:, :, self.coordinates].numpy()
-        on_measurement[1:, :, 12 : 12 + n] = -2.0 * self.posture * weight[:-1] * on * postures / self.scale
+        on_measurement[1:, :, 12 : 12 + self.driven] = -2.0 * self.posture * weight[:-1] * on * postures / self.scale
         if windows.by_end is not None:
             on_observation[-1] = weight[-1] * on[-1] * windows.by_end.numpy()
         gradient, on_memory = np.empty_like(raw), np.zeros((rows, c))
@@ -142,6 +145,7 @@ class ReturnGradient:
             stepped = self.simulator.step_vjp(on_state * on[t], substeps=self.substeps, **inputs)
             on_state = stepped["state"]
             on_force = np.concatenate([stepped[name] for name in ("thrust", "joint_torque") if name in stepped], axis=1)
+            on_force = on_force[:, : forces.shape[-1]]
             on_acted = np.concatenate([on_force, found[:, s + w :]], axis=1) * on[t]
             acted = native.act_vjp(memories[t], clipped[t], on_acted, base[t])
             on_action, on_base, on_memory = acted[:, :a], acted[:, a : 2 * a], acted[:, 2 * a :]
@@ -172,10 +176,11 @@ class ReturnGradient:
             **more,
         )
         inputs: dict[str, Any] = {"thrust": forces[:, :m]}
+        fixtures = n - self.driven
         if forces.shape[1] > m:
-            inputs["joint_torque"] = forces[:, m:]
+            inputs["joint_torque"] = np.pad(forces[:, m:], [(0, 0), (0, fixtures)])
         elif n:
-            inputs["joint_target"] = targets.reshape(-1, n, 4)
+            inputs["joint_target"] = np.pad(targets.reshape(len(state), -1, 4), [(0, 0), (0, fixtures), (0, 0)])
         return inputs
 
     def factors(self, envs: TaskVectorEnv) -> Tensor:

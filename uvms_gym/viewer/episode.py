@@ -128,7 +128,7 @@ class LiveEpisode:
     def _shot(self) -> Shot:
         """State to draw, with the `poses` (n + 2, 4, 4) of bodies and end effector, and the desired pose `aim`.
 
-        `aim` (4, 4) is the pose of the vehicle, or with a path the pose of the end effector.
+        `aim` (4, 4) is the pose of the vehicle, or of the end effector where the task is its own.
         """
         simulator, shot = self.env.snapshot(), shots(self.env._native)
         poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)

@@ -157,7 +157,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         let (state, flow, factors) = (table.state(rows, k), table.flow(rows, k), table.factors(rows, k));
         let numbers = column(self.episodes, task.episode_rows().rows, k);
         let episode = Episode::from_parts(EpisodeKey::default(), 0, task.episode_rows(), numbers);
-        privileged(task.joint_count(), &state, &flow, &factors, &episode.target())
+        privileged(task.coordinate_count(), &state, &flow, &factors, &episode.target())
     }
 
     /// Starts the next episode of instance `k`.

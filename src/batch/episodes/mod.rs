@@ -155,7 +155,7 @@ impl TaskBatch {
 
     /// Privileged information of all instances: [`privileged`] of each, (N, .).
     pub fn privileged(&self) -> Vec<f64> {
-        let joints = self.task.joint_count();
+        let joints = self.task.coordinate_count();
         let of = |i: usize| {
             let (state, flow, factors) = (self.simulator.state(i), self.simulator.flow(i), self.simulator.factors(i));
             privileged(joints, &state, &flow, &factors, &self.episode_numbers(i).target())

@@ -88,7 +88,8 @@ impl<K: TaskDefinition> EvaluateBlock<'_, K> {
         let (kernel, widths, rows) = (self.kernel, &self.widths, &self.kernel.rows);
         let Self { perfect, states, fresh, memory, saved, cotangents, out, entries, .. } = self;
         let (n, a, zero) = (rows.joints, rows.actions, L::zero());
-        let values = state_values::<L>(states, group, n);
+        let coordinates = rows.coordinates;
+        let values = state_values::<L>(states, group, coordinates);
         let at = ControlInstant::new(kernel, Rows::of_block(memory, group), &values);
         let (in_bounds, truth) = (at.in_bounds(), at.true_values());
         let error = at.error;
@@ -143,9 +144,9 @@ impl<K: TaskDefinition> EvaluateBlock<'_, K> {
         let measured_inputs = K::MEASURED_INPUTS.min(widths.measurement);
         let (measured_end, effort_end) = (widths.state + measured_inputs, widths.state + measured_inputs + 4);
         for along in 0..effort_end + updated {
-            let (state, memory) = (seeded_state(&values, n, along), Rows::of_block(memory, group));
+            let (state, memory) = (seeded_state(&values, coordinates, along), Rows::of_block(memory, group));
             // Only pose and joint coordinates change the pose error.
-            let mut at = if along < 6 + n {
+            let mut at = if along < 6 + coordinates {
                 ControlInstant::new(kernel, memory, &state)
             } else {
                 ControlInstant { kernel, memory, state: &state, error: constant_error(&error) }

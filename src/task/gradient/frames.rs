@@ -12,7 +12,7 @@ pub(super) const BLOCK: usize = f64::BLOCK;
 /// Numbers of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GradientWidths {
-    /// State of vehicle and joints: `[xi; q; V; q']` with the pose `T exp(xi)`, 12 + 2 n.
+    /// State of vehicle and joints: `[xi; q; V; q']` with the pose `T exp(xi)` and the coordinates of fixtures behind those of the robot's joints, 12 + 2 n.
     pub state: usize,
     /// Measured quantities: pose error, twist, joint coordinates, joint rates and, where observed, the direction against gravity.
     pub measurement: usize,

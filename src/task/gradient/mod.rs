@@ -40,9 +40,9 @@ pub trait TaskGradient {
 
 impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
     fn widths(&self) -> GradientWidths {
-        let (rows, n) = (&self.rows, self.rows.joints);
+        let (rows, n, coordinates) = (&self.rows, self.rows.joints, self.rows.coordinates);
         GradientWidths {
-            state: 12 + 2 * n,
+            state: 12 + 2 * coordinates,
             measurement: 12 + 2 * n + if K::OBSERVES_UP { 3 } else { 0 },
             memory: rows.means - rows.action + rows.task.updated[1],
             observation: self.observation_len(),

@@ -2,6 +2,7 @@
 
 mod disturbance;
 mod dock;
+mod manipulation;
 mod observation;
 mod path;
 mod pose;
