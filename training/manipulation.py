@@ -27,7 +27,8 @@ from uvms_gym.controllers import Controller
 from uvms_gym.studies.records import circumstances
 from uvms_gym.training.evaluation import run_episodes
 
-SCENE, SEED = "bluerov2-heavy-alpha5-tool", 0
+#: A vehicle of 15 kg whose arm reaches forward, and one of 110 kg, for the button only.
+SCENES, SEED = ("bluerov2-heavy-alpha5-tool", "petasus-pum"), 0
 TORQUES = (0.012, 0.1, 0.3, 0.6, 1.0)
 #: Range of a blocked valve, rad.
 BLOCKED = 0.3
@@ -40,18 +41,20 @@ QUANTILES = (0.5, 0.95)
 
 def conditions() -> list[tuple[str, dict[str, Any]]]:
     """Environments and options of all conditions."""
-    found: list[tuple[str, dict[str, Any]]] = [(f"UVMS-Button{level}-v0", {}) for level in LEVELS]
+    found: list[tuple[str, dict[str, Any]]] = [
+        (f"UVMS-Button{level}-v0", {"scene": scene}) for scene in SCENES for level in LEVELS
+    ]
     for contract in ("push", "grasp"):
         for level in LEVELS:
-            env = f"UVMS-Valve{level}-v0"
-            found += [(env, {"contract": contract, "torque": torque}) for torque in TORQUES]
-            found.append((env, {"contract": contract, "range": BLOCKED}))
+            env, common = f"UVMS-Valve{level}-v0", {"scene": SCENES[0], "contract": contract}
+            found += [(env, {**common, "torque": torque}) for torque in TORQUES]
+            found.append((env, {**common, "range": BLOCKED}))
     return found
 
 
-def measure(env: str, options: dict[str, Any], name: str, scene: str, episodes: int) -> dict[str, Any] | None:
+def measure(env: str, options: dict[str, Any], name: str, episodes: int) -> dict[str, Any] | None:
     """Results of a controller; None if none of this name fits."""
-    envs = gymnasium.make_vec(env, num_envs=episodes, scene=scene, **options)
+    envs = gymnasium.make_vec(env, num_envs=episodes, **options)
     try:
         controller: Controller = make_controller(name, envs)
     except (ValueError, FileNotFoundError):
@@ -66,7 +69,6 @@ def measure(env: str, options: dict[str, Any], name: str, scene: str, episodes: 
         "env": env,
         "options": options,
         "controller": name,
-        "scene": scene,
         "episodes": episodes,
         "successes": successes,
         "interval": [interval.low, interval.high],
@@ -89,12 +91,12 @@ def cell(result: dict[str, Any]) -> str:
 
 def tables(results: list[dict[str, Any]]) -> str:
     """Tables of a button's and a valve's results."""
-    lines = ["| environment | controller | success, % | time, s | peak force, N | impulse, N s | power, % |"]
-    lines.append("|---|---|---|---|---|---|---|")
+    lines = ["| environment | scene | controller | success, % | time, s | peak force, N | impulse, N s | power, % |"]
+    lines.append("|---|---|---|---|---|---|---|---|")
     for result in results:
         if "Button" in result["env"]:
             middle, high = result["peak_force"]
-            row = [f"`{result['env']}`", f"`{result['controller']}`", cell(result)]
+            row = [f"`{result['env']}`", f"`{result['options']['scene']}`", f"`{result['controller']}`", cell(result)]
             row += [f"{result['time_to_success'][0]:.1f}", f"{middle:.0f}, 95 %: {high:.0f}"]
             row += [f"{result['impulse'][0]:.0f}", f"{100 * result['power']:.1f}"]
             lines.append("| " + " | ".join(row) + " |")
@@ -115,7 +117,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 @app.command()
 def main(
     out: Annotated[Path, typer.Option(help="File of the results.")] = Path("out/manipulation.json"),
-    scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = SCENE,
     episodes: Annotated[int, ranged("Episodes of a condition, 1 to 100000.", 1, 100_000)] = 1024,
     controller: Annotated[list[str] | None, typer.Option(help="Controller; may be repeated.")] = None,
     table: Annotated[bool, typer.Option("--table", help="Print the tables of stored results.")] = False,
@@ -126,7 +127,7 @@ def main(
     if table:
         print(tables(stored["results"]), end="")
         return
-    stored |= circumstances("manipulation", {"scene": scene, "episodes": episodes, "seed": SEED})
+    stored |= circumstances("manipulation", {"episodes": episodes, "seed": SEED})
     done = {json.dumps([r["env"], r["options"], r["controller"]]) for r in stored["results"]}
     names = tuple(controller or CONTROLLERS)
     work = [(env, options, name) for env, options in conditions() for name in names]
@@ -134,7 +135,7 @@ def main(
         task = bar.add_task("episodes", total=len(work))
         for env, options, name in work:
             if json.dumps([env, options, name]) not in done:
-                result = measure(env, options, name, scene, episodes)
+                result = measure(env, options, name, episodes)
                 if result is not None:
                     stored["results"].append(result)
                     write(out, json.dumps(stored, indent=1) + "\n")
