@@ -86,6 +86,9 @@ pub fn production() -> impl Iterator<Item = &'static str> {
 /// springs and detents, and random ones, with all terms of joints.
 pub fn scenes() -> Vec<Scene> {
     let mut scenes: Vec<_> = Scene::shipped_names().into_iter().map(|name| Scene::shipped(name).unwrap()).collect();
+    // The columns of a saturated servo's target are below the errors of the differences.
+    let tool = scenes.iter_mut().find(|scene| scene.name == "bluerov2-heavy-alpha5-tool").unwrap();
+    tool.joints_mut().for_each(|joint| joint.effort = None);
     let mut dynamic = Scene::shipped("petasus-pum").unwrap();
     for (k, thruster) in dynamic.vehicle.thrusters.iter_mut().enumerate() {
         thruster.lag = (k != 1).then_some(0.15);

@@ -19,7 +19,7 @@ fn shipped_scenes_load_under_their_names_without_warnings() {
         assert_eq!(scene.check().unwrap(), []);
         assert!(!scene.summary.is_empty(), "{name}");
     }
-    assert_eq!(Scene::shipped_names().len(), 10);
+    assert_eq!(Scene::shipped_names().len(), 11);
 }
 
 #[test]
