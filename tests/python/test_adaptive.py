@@ -199,5 +199,6 @@ def test_gains_that_cannot_be_are_refused(bank: Bank, gains: Any, message: str) 
 def test_states_and_tasks_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="state has shape"):
         AdaptiveResolvedMotion(make(TRACK, 1, None)).probabilities(np.zeros(3))
-    with pytest.raises(ValueError, match="is for UVMS-EETrack and UVMS-Button and UVMS-Valve, not for UVMS-StationKeep; controllers of"):
+    refusal = "is for UVMS-EETrack and UVMS-Button and UVMS-Valve, not for UVMS-StationKeep; controllers of"
+    with pytest.raises(ValueError, match=refusal):
         AdaptiveResolvedMotion(scene="petasus-pum", task="station-keep")
