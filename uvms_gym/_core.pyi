@@ -191,7 +191,8 @@ class Simulator:
         """Estimated errors of integration since the states were set, with `error_estimate=True`.
 
         position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m;
-        end_effector_attitude (N,), rad; relative (N,), to the scales of the motion; known (N,), bool.
+        end_effector_attitude (N,), rad; relative (N,), to the scales of the motion (in scenes with contact without
+        the velocities, which jump); known (N,), bool.
         """
     num_envs: Final[int]
     """Number of instances N."""

@@ -26,20 +26,23 @@ CASES = [pytest.param(task, kwargs, id="-".join([task, *kwargs.values()])) for t
 
 
 @contextlib.contextmanager
-def strict(task):
-    """Warnings are errors."""
+def checked(task, kwargs):
+    """An environment with seeds for episodes and actions, in a context in which warnings are errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         if "EETrack" in task:
             # Random torques hurl a light arm about faster than its steps resolve, which is told rightly.
             warnings.simplefilter("ignore", uvms_gym.StepWarning)
-        yield
+        env = gym.make(task, **kwargs)
+        env.reset(seed=0)
+        env.action_space.seed(0)
+        yield env
 
 
 @pytest.mark.parametrize(("task", "kwargs"), CASES)
 def test_gymnasium_is_content(task, kwargs):
-    with strict(task):
-        check_env(gym.make(task, **kwargs).unwrapped)
+    with checked(task, kwargs) as env:
+        check_env(env.unwrapped)
 
 
 @pytest.mark.learning
@@ -47,8 +50,8 @@ def test_gymnasium_is_content(task, kwargs):
 def test_stable_baselines3_is_content(task, kwargs):
     from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
-    with strict(task):
-        check_env_for_sb3(gym.make(task, **kwargs))
+    with checked(task, kwargs) as env:
+        check_env_for_sb3(env)
 
 
 def test_all_that_is_shipped_is_checked():

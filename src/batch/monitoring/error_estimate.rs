@@ -20,7 +20,8 @@ pub struct ErrorEstimate {
     pub end_effector_position: f64,
     /// Error of the attitude of the end effector, rad.
     pub end_effector_attitude: f64,
-    /// The maximum error of pose, joints and velocities relative to the scales of the motion since the state was set.
+    /// The maximum error of pose, joints and velocities relative to the scales of the motion since the state was set; in scenes
+    /// with contact without the velocities, which jump.
     pub relative: f64,
 }
 

@@ -75,6 +75,8 @@ pub struct CompanionScene {
     cost: f64,
     /// Time after which companions begin anew, if they do, s.
     window: Option<f64>,
+    /// False in scenes with contact, where velocities jump.
+    smooth: bool,
 }
 
 /// Companions of a batch.
@@ -139,6 +141,7 @@ impl CompanionScene {
             isa,
             cost: COST[usize::from(T::SINGLE)],
             window: (follow != Follow::Saved && compiled.system.contact.is_some()).then_some(CONTACT_WINDOW),
+            smooth: compiled.system.contact.is_none(),
         }
     }
 
@@ -340,7 +343,7 @@ impl ChunkCompanions {
         for column in 0..self.count {
             let (i, track) = (self.first + column, &mut self.tracks[column]);
             let (state, other) = (table.state(rows, i), scene.table.state(&self.rows, column));
-            track.compare(&state, &other, table.layout.joints, divisor);
+            track.compare(&state, &other, table.layout.joints, divisor, scene.smooth);
             let Some(limits) = settings.limits else { continue };
             if track.beyond(limits.accumulated) && table.violation(rows, i, limits, settings.h).is_none() {
                 let quality = StepQuality { accumulated: track.relative, ..table.step_quality(rows, i, settings.h) };

@@ -97,8 +97,9 @@ impl Track {
         limit.is_finite() && (self.relative >= limit || self.relative.is_nan())
     }
 
-    /// Error of a state relative to the scales, from the companion's. NaN where either is not finite.
-    pub fn compare(&mut self, state: &State, other: &State, joints: usize, divisor: f64) {
+    /// Error of a state relative to the scales, from the companion's. NaN where either is not finite. The velocities count where
+    /// they are `smooth`: at an impact a small error of its time is a large one of the velocities, which is over with the impact.
+    pub fn compare(&mut self, state: &State, other: &State, joints: usize, divisor: f64, smooth: bool) {
         self.widen(state, joints);
         self.widen(other, joints);
         let difference = State { twist: other.twist - state.twist, ..State::default() };
@@ -109,7 +110,8 @@ impl Track {
             errors[5] = maximum(errors[5], (other.qd[k] - state.qd[k]).abs());
         }
         let mut relative = 0.0;
-        for (k, (error, scale)) in errors.into_iter().zip(self.scales).enumerate() {
+        let compared = if smooth { errors.len() } else { 3 };
+        for (k, (error, scale)) in errors.into_iter().zip(self.scales).take(compared).enumerate() {
             let scale = if k == 1 || k == 2 { scale.min(MAX_ANGLE) } else { scale };
             relative = maximum(relative, error / scale.max(MIN_SCALE));
         }
