@@ -56,6 +56,7 @@ from uvms_gym.controllers import (
     ResolvedMotion,
     StateWarning,
 )
+from uvms_gym.controllers.contract import check_contract, policy_contract
 from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
@@ -96,6 +97,7 @@ __all__ = [
     "__version__",
     "arm_names",
     "assess_scene",
+    "check_contract",
     "disturbance_levels",
     "dump_scene",
     "estimate",
@@ -107,6 +109,7 @@ __all__ = [
     "load_scene",
     "make_controller",
     "optimize_trajectory",
+    "policy_contract",
     "recommend_integration",
     "scene_names",
     "scene_template",

@@ -129,8 +129,8 @@ def test_a_policy_is_played_and_compared_with_the_flags_of_its_training(trained:
     ("changes", "message"),
     [
         ({}, None),
-        ({"dtype": "float64", "disturbance": "waves"}, "measurements 1 control periods old; here they are 0"),
-        ({"thruster_lag": 0.1}, "with thruster_lag as in the scene; here it is 0.1 s: it may be much worse"),
+        ({"dtype": "float64", "disturbance": "waves"}, "delay is 0 instead of 1 control periods"),
+        ({"thruster_lag": 0.1}, "thruster_lag is 0.1 s instead of as in the scene: it may be unstable"),
     ],
 )
 def test_a_policy_is_warned_of_what_it_was_not_trained_with(

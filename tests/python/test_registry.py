@@ -233,7 +233,7 @@ def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, del
     said = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.ControllerWarning)]
     assert len(said) == (warning is not None)
     found = " to ".join(map(str, np.atleast_1d(delay)))
-    assert not said or f"measurements 1 control periods old; here they are {found}: {warning}" in said[0]
+    assert not said or f"delay is {found} instead of 1 control periods: {warning}" in said[0]
     if isinstance(made, ClassicalController):
         shipped = registry.tuned(name, envs)
         assert shipped is not None

@@ -186,16 +186,21 @@ class ClassicalController(Controller):
 _KINDS: list[type[ClassicalController]] = []
 
 
+def given_options(controller: str, env: Any, given: dict[str, Any]) -> dict[str, Any]:
+    """All options of an environment, or as given."""
+    if env is None:
+        return given
+    if given:
+        raise TypeError(f"pass either env or options, not both: {', '.join(given)}")
+    inner = _unwrapped(controller, env)
+    return {**inner.options.to_dict(), "task": inner.task}
+
+
 def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:
     """Options that matter to a controller, of an environment or as given; `more` of them to some."""
-    if env is not None:
-        if given:
-            raise TypeError(f"pass either env or options, not both: {', '.join(given)}")
-        inner = _unwrapped(controller, env)
-        given = {**inner.options.to_dict(), "task": inner.task}
     common = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", "end_effector")
     matters = (*common, "observe_fixture", "observe_force", *more)
-    return {key: value for key, value in given.items() if key in matters}
+    return {key: value for key, value in given_options(controller, env, given).items() if key in matters}
 
 
 def _plain(name: str, gain: Any) -> Any:

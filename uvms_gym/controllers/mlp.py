@@ -21,7 +21,7 @@ class MLP(Controller):
 
     Its action is the mean, as with `deterministic=True` in training. Files are safetensors; they hold the
     policy's environment (task, scene, kind of action, control period, names and sizes of the observation's blocks), and
-    are refused by another. A scene that is altered but keeps its name counts as the same.
+    are refused by another. `uvms_gym.make_controller` also compares scales, limits and the conditions of the training.
 
     Parameters
     ----------

@@ -17,8 +17,9 @@ from typing import Any, Literal
 import gymnasium
 
 from uvms_gym import _core
-from uvms_gym._task.options import native
-from uvms_gym.controllers.base import Controller, options_of
+from uvms_gym._task.options import native, option_names
+from uvms_gym.controllers.base import Controller, given_options, options_of
+from uvms_gym.controllers.contract import differences, listed, policy_contract, refused
 from uvms_gym.controllers.families import (
     CODE_PREFIX,
     CONTROLLERS,
@@ -100,13 +101,14 @@ def make_controller(
     Warns
     -----
     ControllerWarning
-        Measurements are older than those the controller was tuned or trained with, or for a policy younger.
+        Measurements are older than those the controller was tuned with. For a policy: a number of the scene, delay,
+        lag, noise, disturbance or an option of the task is beyond those of its training.
 
     Raises
     ------
     ValueError
-        An unknown name for this task, a policy of another environment, or a broken file. `Unavailable` where there is
-        no such policy; the message names those that are there.
+        An unknown name for this task, a policy of another environment or with other scales and limits, or a broken
+        file. `Unavailable` where there is no such policy; the message names those that are there.
     TypeError
         `name` or `env` is something else, or options are given besides.
     OSError
@@ -123,17 +125,18 @@ def make_controller(
     # Some controllers need the sensors' delay, which belongs to the disturbance.
     given = options_of("controller", env, options, "disturbance")
     name = canonical(name, setting, given.get("task", "station-keep"))
+    whole = {key: value for key, value in given_options("controller", env, options).items() if key in option_names()}
     if name.startswith(MLP_PREFIX):
         policy = MLP.load(name.removeprefix(MLP_PREFIX), **given)
-        if given:
-            _warn_of_training(name, policy.notes, given)
+        if whole:
+            _check_training(name, policy, whole)
         return policy
     entry = CONTROLLERS[name]
     if entry.kind is not None:
         return _classical(entry, given, gains)
     file, base = _policy_file(name, seed, given), entry.setting.base
     policy = MLP.load(file, residual=base is not None, **given)
-    _warn_of_training(name, policy.notes, given)
+    _check_training(name, policy, whole)
     if base is None:
         return policy
     said = policy.notes.get("base", base)
@@ -234,44 +237,56 @@ def _classical(entry: ControllerEntry, given: dict[str, Any], gains: str) -> Con
     if entry.setting.role == "bound":
         return made
     tuned_in, bridged = stored.get("tuning", {}).get("env"), made.gains.get("delay")
-    return entry.make({}, **given) if _warn_of_delay(entry.name, tuned_in, native(given), bridged) else made
+    return entry.make({}, **given) if _warn_of_delay(entry.name, tuned_in, native(given).delays, bridged) else made
 
 
-def _warn_of_training(name: str, notes: dict[str, str], given: dict[str, Any]) -> None:
-    """Warn of measurements of another age, and of thrusters with another lag, than a policy was trained with."""
-    env, arguments = notes.get("environment"), notes.get("env_kwargs", "{}")
-    try:
-        _warn_of_delay(name, env, native(given), arguments=arguments)
-        lag = design(str(env), arguments)[1] if env in gymnasium.registry else given.get("thruster_lag")
-    except (TypeError, ValueError):
-        return  # Notes of another version.
-    if lag != (here := given.get("thruster_lag")):
-        trained, found = ("as in the scene" if one is None else f"{one:g} s" for one in (lag, here))
+def _check_training(name: str, policy: MLP, options: dict[str, Any]) -> None:
+    """Compare an environment with the contract of a policy's training.
+
+    Other units, scales and limits of an entry are refused. Of all else beyond the training one warning is given.
+    """
+    there, here = training_contract(policy), policy_contract(**options)
+    if apart := list(refused(there, here)):
+        raise ValueError(f"{name}: the policy does not fit: {listed(apart)}")
+    if apart := list(differences(there, here, beyond=True)):
+        env = policy.notes.get("environment", "another environment")
         warnings.warn(
-            f"{name} was trained in {env} with thruster_lag {trained}; here it is {found}: it may be much worse",
-            ControllerWarning,
-            stacklevel=3,
+            f"{name} was trained in {env}; here {listed(apart)}: it may be unstable", ControllerWarning, stacklevel=3
         )
 
 
-def _warn_of_delay(
-    name: str, env: str | None, made: _core.Task, bridged: int | None = None, arguments: str = "{}"
-) -> bool:
-    """Warn of measurements whose age differs from those that a controller was tuned or trained with, in `env`.
+def training_contract(policy: MLP) -> dict[str, Any]:
+    """Contract of a policy's training, from its file; {} if unknown.
 
-    Later ones make controllers unstable but those that predict over them: over `bridged` control periods. Policies do
-    not stand earlier ones either. True where a classical controller should have its default gains, which are lower.
+    Older files have only the name and the arguments of the environment: its contract is as of now, without the scene
+    and the entries where the policy's scene is none of the package.
+    """
+    try:
+        if (text := policy.notes.get("contract")) is not None:
+            return dict(json.loads(text))
+        found = design(policy.notes["environment"], policy.notes.get("env_kwargs", "{}"))
+    except (KeyError, TypeError, ValueError, gymnasium.error.Error):
+        return {}  # Notes of another version.
+    same = found["scene"]["name"] == (policy.spec or {}).get("scene")
+    return found if same else {key: found[key] for key in ("delay", "thruster_lag", "level", "disturbance", "options")}
+
+
+def _warn_of_delay(name: str, env: str | None, delays: tuple[int, int], bridged: int | None) -> bool:
+    """Warn of measurements older than those that a classical controller was tuned with, in `env`.
+
+    They make controllers unstable but those that predict over them: over `bridged` control periods. True where the
+    controller should have its default gains, which are lower.
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (minimum, maximum) = design(env, arguments)[0], made.delays
-    if bridged == minimum == maximum or (maximum <= high and (minimum >= low or not is_learned(name))):
+    (low, high), (minimum, maximum) = design(env, "{}")["delay"], delays
+    if bridged == minimum == maximum or maximum <= high:
         return False
-    defaults = not is_learned(name) and minimum == maximum
+    defaults = minimum == maximum
     designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (minimum, maximum)))
     warnings.warn(
-        f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; here they are "
-        f"{found}: {'default gains take the place of tuned ones' if defaults else 'it may be unstable'}",
+        f"{name} was tuned in {env}; here delay is {found} instead of {designed} control periods: "
+        f"{'default gains take the place of tuned ones' if defaults else 'it may be unstable'}",
         ControllerWarning,
         stacklevel=4,
     )
@@ -279,16 +294,14 @@ def _warn_of_delay(
 
 
 @functools.cache
-def design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
-    """Minimum and maximum age of the measurements, control periods, and the thrusters' lag, s (None: the scene's).
-
-    Of a registered environment with arguments as JSON.
-    """
+def design(env: str, arguments: str) -> dict[str, Any]:
+    """Contract of a registered environment with arguments as JSON; a scene in a file of its own does not count."""
     spec = gymnasium.spec(env)
     task = next(task for task, name in TASKS.items() if str(spec.name).startswith(name))
     given = {"task": task, **spec.kwargs, **json.loads(arguments)}
-    matters = {key: given[key] for key in ("task", "dt", "substeps", "disturbance", "thruster_lag") if key in given}
-    return native(matters).delays, given.get("thruster_lag")
+    if given.get("scene") not in _core.scene_names():
+        given.pop("scene", None)
+    return policy_contract(**{key: value for key, value in given.items() if key in option_names()})
 
 
 def policies_at(at: Path) -> dict[str, dict[int, Path]]:

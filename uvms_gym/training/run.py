@@ -15,6 +15,7 @@ from typing import Any
 from uvms_gym import MLP, Residual
 from uvms_gym._files import write
 from uvms_gym.controllers import Controller
+from uvms_gym.controllers.contract import policy_contract
 from uvms_gym.controllers.families import canonical
 from uvms_gym.controllers.registry import tuned
 from uvms_gym.envs import TaskVectorEnv
@@ -190,6 +191,7 @@ class Record:
             "threads": str(threads),
             "versions": json.dumps(versions()),
             "evaluation": json.dumps(self.curve[-1]),
+            "contract": json.dumps(policy_contract(self.envs)),
             **more,
             **self.origin,
         }

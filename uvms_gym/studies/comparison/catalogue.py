@@ -88,7 +88,7 @@ def _origin(env: str | None, arguments: str) -> str:
     """Disturbance of an environment and the age of its measurements, in words."""
     if env not in gymnasium.registry:
         return str(env or "")
-    low, high = design(env, arguments)[0]
+    low, high = design(env, arguments)["delay"]
     level = gymnasium.spec(env).kwargs.get("disturbance", "a current")
     return f"{level}, delay {low if low == high else f'{low} to {high}'}"
 
