@@ -76,7 +76,9 @@ STARTS = {
 SUCCESS = ("button", "valve")
 CONDITIONS: dict[str, list[dict[str, Any]]] = {
     "valve": [
-        {"contract": contract, "torque": torque} for contract in ("push", "grasp") for torque in (0.012, 0.3, 0.6)
+        {"contract": contract, "torque": torque, "disturbance": disturbance}
+        for contract in ("push", "grasp")
+        for torque, disturbance in ((0.012, "calm"), (1.0 if contract == "push" else 0.6, "calm"), (0.3, "current"))
     ]
 }
 
