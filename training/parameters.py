@@ -60,6 +60,10 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
         *(Parameter(name, 0.1, 10.0) for name in ("pose_gain", "twist_gain", "joint_gain")),
         *(Parameter(name, 0.02, 20.0) for name in ("posture_gain", "levelling_gain", "arm_weight")),
     )
+    if task == "valve":
+        # The wrist turns the valve, not the vehicle, which would roll by 70 degrees.
+        posture, levelling = Parameter("posture_gain", 0.02, 0.2), Parameter("levelling_gain", 4.0, 20.0)
+        resolved = (*resolved[:3], posture, levelling, resolved[-1])
     three: Groups = ((0,), (1,), (2,))
     resolved_dob = (*resolved, observer._replace(groups=three), horizon._replace(name="lag_compensation"))
     # A tool that works on a fixture.
