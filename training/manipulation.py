@@ -1,4 +1,4 @@
-"""Success of controllers on button and valve: calm and storm, over the valve's friction, on the same seeds.
+"""Success of controllers on button and valve by the water's motion and the valve's friction, on the same seeds.
 
     python training/manipulation.py --out docs/contact-results.json
 
@@ -10,6 +10,7 @@ import json
 import sys
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +22,7 @@ from scipy.stats import binomtest
 from uvms_gym import StepWarning, make_controller
 from uvms_gym._files import write
 from uvms_gym.cli.app import run
-from uvms_gym.cli.common import line, progress, user_errors
+from uvms_gym.cli.common import fail, line, progress, user_errors
 from uvms_gym.cli.options import ranged
 from uvms_gym.controllers import Controller
 from uvms_gym.studies.records import circumstances
@@ -32,21 +33,25 @@ SCENES, SEED = ("bluerov2-heavy-alpha5-tool", "petasus-pum"), 0
 TORQUES = (0.012, 0.1, 0.3, 0.6, 1.0)
 #: Range of a blocked valve, rad.
 BLOCKED = 0.3
-LEVELS = ("", "-Storm")
+#: Suffix of the environment's name and options; a current alone is what the public suite's valve has.
+LEVELS: dict[str, tuple[str, dict[str, Any]]] = {
+    "calm": ("", {}),
+    "current": ("", {"disturbance": "current"}),
+    "storm": ("-Storm", {}),
+}
 CONTROLLERS = ("resolved", "resolved-dob", "resolved-adaptive", "shac", "ppo")
 #: Metrics at the end of an episode, with the quantiles over episodes that are stored.
 METRICS = ("time_to_success", "peak_force", "impulse", "angle", "slip", "travel")
 QUANTILES = (0.5, 0.95)
 
 
-def conditions() -> list[tuple[str, dict[str, Any]]]:
+def conditions(levels: Sequence[str]) -> list[tuple[str, dict[str, Any]]]:
     """Environments and options of all conditions."""
-    found: list[tuple[str, dict[str, Any]]] = [
-        (f"UVMS-Button{level}-v0", {"scene": scene}) for scene in SCENES for level in LEVELS
-    ]
-    for contract in ("push", "grasp"):
-        for level in LEVELS:
-            env, common = f"UVMS-Valve{level}-v0", {"scene": SCENES[0], "contract": contract}
+    found: list[tuple[str, dict[str, Any]]] = []
+    for suffix, options in (LEVELS[level] for level in levels):
+        found += [(f"UVMS-Button{suffix}-v0", {"scene": scene, **options}) for scene in SCENES]
+        for contract in ("push", "grasp"):
+            env, common = f"UVMS-Valve{suffix}-v0", {"scene": SCENES[0], "contract": contract, **options}
             found += [(env, {**common, "torque": torque}) for torque in TORQUES]
             found.append((env, {**common, "range": BLOCKED}))
     return found
@@ -83,6 +88,12 @@ def measure(env: str, options: dict[str, Any], name: str, episodes: int) -> dict
     return found
 
 
+def level_of(result: dict[str, Any]) -> str:
+    """Level of a result."""
+    options = result["options"]
+    return "storm" if "-Storm" in result["env"] else options.get("disturbance", "calm")
+
+
 def cell(result: dict[str, Any]) -> str:
     """Success with its interval, %."""
     low, high = (100.0 * bound for bound in result["interval"])
@@ -91,23 +102,23 @@ def cell(result: dict[str, Any]) -> str:
 
 def tables(results: list[dict[str, Any]]) -> str:
     """Tables of a button's and a valve's results."""
-    lines = ["| environment | scene | controller | success, % | time, s | peak force, N | impulse, N s | power, % |"]
+    lines = ["| water | scene | controller | success, % | time, s | peak force, N | impulse, N s | power, % |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for result in results:
         if "Button" in result["env"]:
             middle, high = result["peak_force"]
-            row = [f"`{result['env']}`", f"`{result['options']['scene']}`", f"`{result['controller']}`", cell(result)]
+            row = [level_of(result), f"`{result['options']['scene']}`", f"`{result['controller']}`", cell(result)]
             row += [f"{result['time_to_success'][0]:.1f}", f"{middle:.0f}, 95 %: {high:.0f}"]
             row += [f"{result['impulse'][0]:.0f}", f"{100 * result['power']:.1f}"]
             lines.append("| " + " | ".join(row) + " |")
     for contract in ("push", "grasp"):
-        head = ["environment", "controller", *(f"{torque:g} N m" for torque in TORQUES), "blocked"]
+        head = ["water", "controller", *(f"{torque:g} N m" for torque in TORQUES), "blocked"]
         lines += ["", f'`contract="{contract}"`:', "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
         chosen = [r for r in results if r["options"].get("contract") == contract]
-        for env, name in dict.fromkeys((r["env"], r["controller"]) for r in chosen):
-            own = {r["options"].get("torque"): r for r in chosen if (r["env"], r["controller"]) == (env, name)}
+        for level, name in dict.fromkeys((level_of(r), r["controller"]) for r in chosen):
+            own = {r["options"].get("torque"): r for r in chosen if (level_of(r), r["controller"]) == (level, name)}
             cells = [cell(own[torque]) if torque in own else "" for torque in (*TORQUES, None)]
-            lines.append("| " + " | ".join([f"`{env}`", f"`{name}`", *cells]) + " |")
+            lines.append("| " + " | ".join([level, f"`{name}`", *cells]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -119,6 +130,9 @@ def main(
     out: Annotated[Path, typer.Option(help="File of the results.")] = Path("out/manipulation.json"),
     episodes: Annotated[int, ranged("Episodes of a condition, 1 to 100000.", 1, 100_000)] = 1024,
     controller: Annotated[list[str] | None, typer.Option(help="Controller; may be repeated.")] = None,
+    level: Annotated[
+        list[str] | None, typer.Option(help="calm, current or storm; may be repeated. [default: all]")
+    ] = None,
     table: Annotated[bool, typer.Option("--table", help="Print the tables of stored results.")] = False,
 ) -> None:
     """Measure success, time and forces of controllers on button and valve."""
@@ -129,8 +143,10 @@ def main(
         return
     stored |= circumstances("manipulation", {"episodes": episodes, "seed": SEED})
     done = {json.dumps([r["env"], r["options"], r["controller"]]) for r in stored["results"]}
-    names = tuple(controller or CONTROLLERS)
-    work = [(env, options, name) for env, options in conditions() for name in names]
+    names, levels = tuple(controller or CONTROLLERS), tuple(level or LEVELS)
+    if unknown := set(levels) - LEVELS.keys():
+        raise fail(f"--level is {min(unknown)}, but must be {', '.join(LEVELS)}")
+    work = [(env, options, name) for env, options in conditions(levels) for name in names]
     with progress() as bar:
         task = bar.add_task("episodes", total=len(work))
         for env, options, name in work:
