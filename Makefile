@@ -53,7 +53,7 @@ pictures: $(VENV)/wheel $(VENV)/test ## pictures of README.md and docs that take
 
 audit: $(VENV)/audit ## licences, sources and known vulnerabilities of dependencies; needs cargo-deny and the network
 	cargo deny --workspace --config .cargo/deny.toml check
-	$(BIN)/python .ci/requirements.py cli view import ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
+	$(BIN)/python .ci/requirements.py cli view import flight ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
 
 test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
 	$(installed)

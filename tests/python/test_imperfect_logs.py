@@ -137,16 +137,15 @@ def test_comments_are_skipped_and_may_hold_the_names(tmp_path: Path) -> None:
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
-    for name, hint in (
-        ("a.BIN", r"ArduPilot's log: convert it with mavlogdump\.py"),
-        ("a.tlog", r"convert it with mavlogdump\.py"),
-        ("a.ulg", r"PX4's log: convert it with ulog2csv"),
-        ("a.csv", "not a text file"),
+    for name, extra, hint in (
+        ("a.BIN", {"message": "ATT"}, "not ArduPilot's .BIN"),
+        ("a.tlog", {"message": "ATTITUDE"}, "no MAVLink messages"),
+        ("a.ulg", {"message": "vehicle_attitude"}, ""),
+        ("a.csv", {"time": {"column": "t"}}, "not a text file"),
     ):
-        (tmp_path / name).write_bytes(b"\xa3\x95\x80\x00\x00\x01,\n1,2\n")
-        found = {"file": name, "time": {"column": "t"}, "rpy": RPY}
+        (tmp_path / name).write_bytes(b"\xa3\x95\x00\x00\x00\x01,\n1,2\n")
         with pytest.raises(LogError, match=rf"{name}: cannot be read: .*{hint}") as raised:
-            Log.read(tmp_path, {"attitude": found})
+            Log.read(tmp_path, {"attitude": {"file": name, "rpy": RPY, **extra}})
         assert "\n" not in str(raised.value)
 
 

@@ -135,7 +135,7 @@ def test_files_are_refused_by_size_before_they_are_read(
     log: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, found = log
-    monkeypatch.setattr(tables, "_MOST", 100)
+    monkeypatch.setattr(tables, "MAX_BYTES", 100)
     refuse(r"cannot be read: \d+ bytes, but at most 100 are read$", folder, found, "1")
     bag = write_bag(folder / "bag", Motion.random())
     monkeypatch.setattr(ros2, "_MESSAGES", 10)

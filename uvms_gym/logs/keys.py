@@ -51,6 +51,13 @@ class Keys:
             raise self.error(key, f"{value} must be > {above:g}")
         return float(value)
 
+    def count(self, key: str) -> int | None:
+        """Whole number from 0 on; None without the key."""
+        value = self.value(key)
+        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+            raise self.error(key, f"{value!r} is not a whole number from 0 on")
+        return value
+
     def text(self, key: str) -> str:
         """Text that is not empty; required."""
         self.require(key)

@@ -18,9 +18,10 @@ from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError, reading
-from uvms_gym.logs.map import QUANTITIES, TRIAL, Bound, LogMap, in_scene_order
+from uvms_gym.logs.flight import read_flight_log
+from uvms_gym.logs.map import QUANTITIES, TRIAL, Bound, ChannelMap, LogMap, in_scene_order
 from uvms_gym.logs.ros2 import read_bag
-from uvms_gym.logs.tables import read_table
+from uvms_gym.logs.tables import Table, read_table
 from uvms_gym.logs.units import Floats
 
 Scene = str | os.PathLike[str] | dict[str, Any]
@@ -210,12 +211,17 @@ def _read_channels(
     maps = dict(found.channels)
     for kind in (kind for kind in names if kind in maps):
         maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names[kind]))
-    tables = {}
+    tables: dict[str, Table] = {}
+    flights: dict[str, dict[str, ChannelMap]] = {}
     for kind, channel in maps.items():
-        if channel.file:
+        if channel.file and channel.message:
+            flights.setdefault(channel.file, {})[kind] = channel
+        elif channel.file:
             columns = {key: group or [] for key, group in channel.names.items()}
             file = _file(directory, channel.file, trial)
             tables[kind] = read_table(file, channel.text, channel.time or "", columns)
+    for name, parts in flights.items():
+        tables |= read_flight_log(_file(directory, name, trial), parts)
     if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
         tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)
     return {kind: make_channel(kind, channel, tables[kind]) for kind, channel in maps.items()}

@@ -26,6 +26,8 @@ QUANTITIES: dict[str, dict[str, Mapping[str, float]]] = {
 }
 #: Channels with an attitude, and those that must have it.
 ORIENTED = {"pose": True, "attitude": True, "imu": False}
+#: Endings of autopilots' logs: ArduPilot's, MAVLink's and PX4's.
+FLIGHT = (".bin", ".tlog", ".ulg")
 #: Longest interval between samples that is interpolated, s.
 GAP = 0.5
 
@@ -69,9 +71,12 @@ class ChannelMap:
     #: Name of the file, in which "{trial}" is replaced, or topic of a bag: one of them.
     file: str | None
     topic: str | None
+    #: Type of the messages of an autopilot's log, and their publisher; None: the first message's.
+    message: str | None
+    instance: int | None
     #: Format of the file's lines.
     text: TextFormat
-    #: Column of stamps; None: the stamps of a topic's messages.
+    #: Column of stamps; None: the stamps of a topic's messages, or of an autopilot's.
     time: str | None
     #: Stamps of a topic's messages; None: the header's, where there is one.
     stamp: str | None
@@ -108,16 +113,20 @@ def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
     """Read the table of a channel; `gap` is the map's."""
     _exclusive(keys, "file", "topic")
     topic = keys.text("topic") if keys.has("topic") else None
+    file = None if topic else keys.text("file")
+    binary = file is not None and file.lower().endswith(FLIGHT)
     time = keys.table("time")
-    if topic is None:
+    if topic is None and not binary:
         time.require("column")
     column = time.text("column") if time.has("column") else None
     columns = _columns(kind, keys, topic is not None)
     found = ChannelMap(
         place=keys,
-        file=None if topic else keys.text("file"),
+        file=file,
         topic=topic,
-        text=TextFormat() if topic else _text_format(keys),
+        message=keys.text("message") if binary else None,
+        instance=keys.count("instance") if binary else None,
+        text=TextFormat() if topic or binary else _text_format(keys),
         time=column,
         stamp=time.choice("stamp", ("header", "bag")) if topic and not column and time.has("stamp") else None,
         time_factor=units.TIME[time.choice("unit", units.TIME, "s")] if column else 1.0,

@@ -14,15 +14,9 @@ from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.units import Floats
 
 #: Maximum size of a file, bytes.
-_MOST = 2_000_000_000
+MAX_BYTES = 2_000_000_000
 #: Cells without a number, in lower case.
 _LOST = {"", "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "null", "none"}
-#: Binary files by their suffix, and how to convert them to text.
-_BINARY = {
-    ".bin": "ArduPilot's log: convert it with mavlogdump.py --format csv --types RCOU (package pymavlink)",
-    ".tlog": "MAVLink's log: convert it with mavlogdump.py --format csv --types SERVO_OUTPUT_RAW (package pymavlink)",
-    ".ulg": "PX4's log: convert it with ulog2csv (package pyulog)",
-}
 #: Number with commas between thousands, or with a decimal comma and three decimals.
 _AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
@@ -105,7 +99,7 @@ def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list
     if not lines:
         raise LogError(f"{path}: the file is empty")
     if "\0" in lines[0]:
-        raise LogError(f"{path}: cannot be read: {_BINARY.get(path.suffix.lower(), 'not a text file')}")
+        raise LogError(f"{path}: cannot be read: not a text file")
     needed = list(dict.fromkeys([time, *(name for group in names.values() for name in group)]))
     header, body = _divided(path, lines, form, needed, notes)
     for name in needed:
@@ -131,10 +125,10 @@ def _text(path: Path) -> tuple[str, list[str]]:
     """Text of a file in UTF-8, UTF-16 with its mark, or Latin-1, and notes on the encoding."""
     with reading(path):
         try:
-            return read_text(path, _MOST, "utf-8-sig"), []
+            return read_text(path, MAX_BYTES, "utf-8-sig"), []
         except UnicodeDecodeError as error:
             encoding = "UTF-16" if error.object[:2] in (b"\xff\xfe", b"\xfe\xff") else "Latin-1"
-        return read_text(path, _MOST, encoding), [f"read as {encoding}, as it is not UTF-8"]
+        return read_text(path, MAX_BYTES, encoding), [f"read as {encoding}, as it is not UTF-8"]
 
 
 def _divided(
