@@ -35,8 +35,8 @@ def validate(
 ) -> None:
     """Replay logs with a scene: the vehicle's motion under the logged joints and thrusters.
 
-    Prints RMS errors, also of a constant predictor and of static balance, and writes validate.json and
-    replays.png to --out.
+    Prints RMS errors, also of simple predictors that any model must beat, and writes validate.json and replays.png to
+    --out.
     """
     read = read_logs(scene, logs, map_file, check_list("--trial", trial, []))
     prepare(out, json_file, FILES)
@@ -58,7 +58,8 @@ def validate(
     print_errors("RMS errors, mean over the trials", found.table)
     print_errors("Replay: RMS errors by trial", found.table, "replay")
     say(
-        "constant: attitude and velocity of the start; balance: weight and buoyancy only, at the logged arm; replay: "
-        "the scene's dynamics. Every trial starts from the state that fits its first second."
+        "replay: the scene's dynamics; balance: weight and buoyancy only, at the logged arm; constant: attitude and "
+        "velocity in world axes of the start; constant velocity: velocities in body axes of the start; double "
+        "integrator: logged thrust and inertia only. Every trial starts from the state that fits its first second."
     )
     name_files(out, FILES)

@@ -173,6 +173,41 @@ class Replay:
         predicted[:, :, 6:9] += velocity[:, None] * time[:, None]
         return predicted
 
+    def constant_velocity(self) -> Floats:
+        """(N, T + 1, 12) prediction of a vehicle whose velocities in body axes stay as at the start."""
+        return self._integrated(np.zeros((*self.measured.shape[:2], 6))[:, 1:])
+
+    def double_integrator(self, scene: dict[str, Any]) -> Floats:
+        """(N, T + 1, 12) prediction by thrust and inertia: no damping, weight, buoyancy or motion of the joints.
+
+        The acceleration in body axes is the wrench of the logged commands over the mass matrix at the start, with added
+        mass. Without thrusters in the logs it is `constant_velocity`.
+        """
+        if not self.thrusters:
+            return self.constant_velocity()
+        simulator = Simulator(scene, len(self.recordings), threads=1)
+        cubics = self.cubics(Corrections())
+        if cubics.shape[2]:
+            simulator.set_state(q=cubics[:, 0, :, 0])
+        wrench = self.commands(Corrections()).mean(axis=2) @ simulator.thruster_configuration.T
+        return self._integrated(np.linalg.solve(simulator.mass_matrix()[:, None, :6, :6], wrench[..., None])[..., 0])
+
+    def _integrated(self, acceleration: Floats) -> Floats:
+        """(N, T + 1, 12) motion from the start with accelerations (N, T, 6) in body axes, constant over each period."""
+        twist = np.concatenate([self.initial[:, 9:12], self.initial[:, 3:6]], axis=1)
+        q, position = rotations.from_rpy(self.initial[:, ANGLES]), self.initial[:, 6:9]
+        motion = [(q, twist, position)]
+        for a in np.moveaxis(acceleration, 1, 0):
+            mean = twist + 0.5 * self.period * a
+            turn = 0.5 * self.period * mean[:, 3:]
+            angle = np.linalg.norm(turn, axis=1, keepdims=True)
+            half = np.concatenate([np.cos(angle / 2.0), np.sinc(angle / 2.0 / np.pi) * turn / 2.0], axis=1)
+            middle = rotations.multiply(q, half)
+            position = position + self.period * np.einsum("nij,nj->ni", rotations.matrices(middle), mean[:, :3])
+            q, twist = rotations.multiply(middle, half), twist + self.period * a
+            motion.append((q, twist, position))
+        return _channels(*(np.stack(column) for column in zip(*motion)))
+
     def balance(self, scene: dict[str, Any], corrections: Corrections | None = None) -> Floats:
         """(N, T + 1, 12) attitude at which weight and buoyancy balance, and its rates; the rest as of `constant`."""
         cubics = self.cubics(corrections or Corrections())

@@ -1,4 +1,4 @@
-"""Validation: replays of logs beside a constant predictor and one of static balance."""
+"""Validation: replays of logs beside predictors that any model must beat."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ class Validation:
     recordings : list of Recording
         The N trials.
     predicted : dict of str to numpy.ndarray (N, T + 1, 12)
-        Channels in SI units by predictor: "replay", "balance", "constant".
+        Channels in SI units by predictor: "replay", "balance", "constant", "constant velocity" and, with thrusters,
+        "double integrator".
     measured : numpy.ndarray (N, T + 1, 12)
         Measured channels, NaN where unknown.
     table : Table
@@ -131,7 +132,14 @@ def validate(
     replay = Replay(recordings, **inputs, step=stated_step(loaded), dt=dt, integrator=integrator)
     channels = counting(recordings, thrusters=thrusters == "log")
     replayed = predict(loaded, replay, channels, Corrections())
-    predicted = {"replay": replayed, "balance": replay.balance(loaded), "constant": replay.constant()}
+    predicted = {
+        "replay": replayed,
+        "balance": replay.balance(loaded),
+        "constant": replay.constant(),
+        "constant velocity": replay.constant_velocity(),
+    }
+    if replay.thrusters:
+        predicted["double integrator"] = replay.double_integrator(loaded)
     errors = {name: rms(channels - replay.measured) for name, channels in predicted.items()}
     return Validation(recordings, predicted, replay.measured, Table(tuple(r.name for r in recordings), errors))
 

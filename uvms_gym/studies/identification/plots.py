@@ -31,9 +31,9 @@ def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
                 shown = slice(0, recording.periods + 1)
                 predicted: Mapping[str, Floats] = validation.predicted
                 row.plot(recording.time, factor * validation.measured[trial, shown, k], color=BLACK, label="measured")
-                for predictor, values in predicted.items():
-                    style = {"color": _COLOURS[predictor], "linewidth": 1.2 if predictor == "replay" else 0.8}
-                    row.plot(recording.time, factor * values[trial, shown, k], label=predictor, **style)
+                for predictor, colour in _COLOURS.items():
+                    style = {"color": colour, "linewidth": 1.2 if predictor == "replay" else 0.8}
+                    row.plot(recording.time, factor * predicted[predictor][trial, shown, k], label=predictor, **style)
         for row, name in zip(axes[:, 0], names):
             row.set_ylabel(f"{name} {CHANNELS[name][0]}")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
