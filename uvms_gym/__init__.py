@@ -60,7 +60,7 @@ from uvms_gym.controllers.contract import check_contract, policy_contract
 from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
-from uvms_gym.export import export_mjcf, export_urdf
+from uvms_gym.export import export_mjcf, export_policy, export_urdf
 from uvms_gym.inputs import StepInputs
 from uvms_gym.logs import Log, LogError, LogMap
 from uvms_gym.planning import Trajectory, optimize_trajectory
@@ -102,6 +102,7 @@ __all__ = [
     "dump_scene",
     "estimate",
     "export_mjcf",
+    "export_policy",
     "export_urdf",
     "import_robot",
     "integrators",

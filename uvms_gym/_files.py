@@ -84,7 +84,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         _flush_folder(folder)
     except OSError as error:
         # Writing names no file, and no one knows the new file.
-        if error.filename in (None, part, target, folder):
+        name = error.filename
+        if name in (None, target, folder) or os.path.basename(str(name)).startswith(_PART[0]):
             error.filename, error.filename2 = os.fspath(path), None
         raise
     finally:

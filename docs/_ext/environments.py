@@ -11,6 +11,7 @@ from sphinx.application import Sphinx
 
 import uvms_gym
 from uvms_gym._core import task_defaults
+from uvms_gym.controllers.contract import COMPUTATION
 from uvms_gym.envs import Block, TaskEnv, TaskOptions
 
 ACTIONS = ("wrench", "thrusters", "residual")
@@ -185,6 +186,14 @@ class Registered(MarkdownDirective):
         return table(("Environment", "Control period", "Steps", "Arguments"), rows)
 
 
+class PolicyEntries(MarkdownDirective):
+    """Blocks of observations, as a vehicle computes them."""
+
+    def markdown(self) -> str:
+        """Table of all blocks of all tasks."""
+        return table(("Block", "Computation"), [(f"`{name}`", text) for name, text in COMPUTATION.items()])
+
+
 def _skip_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """Docstrings of environments are Markdown, and have pages of their own."""
     if inspect.isclass(value) and issubclass(value, TaskEnv) and value is not TaskEnv:
@@ -197,5 +206,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("environment", Environment)
     app.add_directive("options", Options)
     app.add_directive("registered", Registered)
+    app.add_directive("policy-entries", PolicyEntries)
     app.connect("autodoc-process-docstring", _skip_markdown)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -43,6 +43,7 @@ COLUMNS = 100
 QUICK = {
     "scenes": [],
     "compare": ["--episodes", "2"],
+    "export": [],
     "accuracy": ["--episodes", "2"],
     "validate": [],
     "fit": ["--period", "0.5", "--no-balance"],

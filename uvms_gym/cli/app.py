@@ -24,6 +24,7 @@ from uvms_gym.cli.controllers import controllers
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
 from uvms_gym.cli.export import export
+from uvms_gym.cli.export_policy import export as export_policy
 from uvms_gym.cli.fit import fit
 from uvms_gym.cli.hard_cases import hard_cases
 from uvms_gym.cli.play import play
@@ -54,9 +55,9 @@ def _register(group: typer.Typer, *commands: Callable[..., Any], **named: Callab
         group.command(name, short_help=" ".join(first.split("\n\n")[0].split()))(command)
 
 
-_register(
-    app, reproduce, compare, verify, controllers, disturbances, play, train, validate, fit, accuracy, hard_cases, bench
-)
+_register(app, reproduce, compare, verify, controllers, disturbances, play, train)
+_register(app, export=export_policy)
+_register(app, validate, fit, accuracy, hard_cases, bench)
 _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
 _register(scenes_app, compose, **{"import": robots.import_robot})

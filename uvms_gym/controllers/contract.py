@@ -27,7 +27,7 @@ _ELSEWHERE = (
     *("task", "action", "dt", "substeps", "end_effector", "disturbance", "max_current", "randomize", "thruster_lag"),
     "reward",
 )
-#: Computation of each block of an observation on a vehicle; blocks not named here are as their meaning says.
+#: Computation of each block of an observation on a vehicle.
 COMPUTATION = {
     "position_error": "measured position less the target, in axes of the frame as measured",
     "attitude_error": "angle times axis of the turn from the target to the frame as measured, at most pi long",
@@ -42,9 +42,14 @@ COMPUTATION = {
     "joint_reference_rate": "rate of the reference one control period ahead",
     "reference_twist": "velocity of the reference now, in axes of the end effector as measured",
     "preview": "errors as position_error and attitude_error, against each of the next points of the reference",
+    "fixture": "encoder of the fixture, or its coordinate by the end effector's pose as measured, and its rate",
+    "contact_force": "force sensor at the wrist, turned to axes of the end effector, less the tool's own weight",
     "previous_action": "action of the last control instant, clipped to [-1, 1]; 0 at the first",
     "error_integral": "0 at the first control instant, then I = keep I + gain e with the errors e measured now",
 }
+
+#: Meaning of an entry of an action on a vehicle.
+ACTION = "low at -1, 0 at 0, high at 1, linear on each side; beyond [-1, 1] clipped"
 
 
 def policy_contract(env: Any = None, **options: Any) -> dict[str, Any]:
@@ -93,7 +98,7 @@ def policy_contract(env: Any = None, **options: Any) -> dict[str, Any]:
         "options": {key: value for key, value in resolved.items() if key not in _ELSEWHERE},
         "integral": {"leak": LEAK, "keep": keep, "gain": (1.0 - keep) / LEAK},
         "observation": _entries(made.layout),
-        "action": _entries(made.action_layout),
+        "action": [{**entry, "computation": ACTION} for entry in _entries(made.action_layout)],
     }
 
 
@@ -225,7 +230,7 @@ def _entries(layout: list[dict[str, Any]]) -> list[dict[str, Any]]:
                     "scale": float(block["scale"][k]),
                     "low": float(block["low"][k]),
                     "high": float(block["high"][k]),
-                    "computation": COMPUTATION.get(name, block["description"]),
+                    "computation": COMPUTATION.get(name, ""),
                 }
             )
     return entries
