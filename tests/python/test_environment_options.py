@@ -123,6 +123,10 @@ def test_a_policy_is_played_and_compared_with_the_flags_of_its_training(trained:
     given = [*FLAGS, *"--algo distill --teacher pid -n 100 -params n_envs:2 -params n_steps:20".split()]
     assert main(["train", *given, "--eval-episodes", "2", "--export", "learned.safetensors", "--verbose", "0"]) == 0
     assert main(["play", *FLAGS, "--controller", "mlp:learned.safetensors", "--seconds", "0.2", "--plot", "x.png"]) == 0
+    contract = json.loads(MLP.load("learned.safetensors").notes["contract"])
+    uvms_gym.check_contract(contract, gymnasium.make(ENV, **OWN))
+    with pytest.raises(ValueError, match="disturbance"):
+        uvms_gym.check_contract(contract, gymnasium.make(ENV, **OWN | {"disturbance": "waves"}))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 import uvms_gym
 from uvms_gym import Simulator, _core
 
-HEAVY = ["PIL", "rosbags", "torch", "viser", "stable_baselines3", "matplotlib", "pygame", "typer", "rich"]
+HEAVY = ["PIL", "onnx", "rosbags", "torch", "viser", "stable_baselines3", "matplotlib", "pygame", "typer", "rich"]
 
 
 def test_the_package_under_test_is_the_one_meant() -> None:

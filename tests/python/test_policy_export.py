@@ -4,6 +4,7 @@ import ctypes
 import json
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -310,6 +311,14 @@ def test_what_cannot_be_exported_is_refused_in_one_line(make: Callable[[Any], An
         export_policy(make(env), tmp_path / "policy.c", env)
     assert words in str(caught.value) and "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    env = gymnasium.make(STORM, scene=SMALL)
+    export_policy(random_policy(env), tmp_path / "policy.c", env)
+    with pytest.raises(ModuleNotFoundError, match=r"^onnx is not installed; run: pip install 'uvms-gym\[onnx\]'$"):
+        export_policy(random_policy(env), tmp_path / "policy.onnx", env)
 
 
 def test_the_command_exports_a_policy_for_the_environment_of_its_training(
