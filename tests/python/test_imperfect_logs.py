@@ -167,19 +167,19 @@ def test_stamps_out_of_order_are_refused_sorted_or_dropped(tmp_path: Path) -> No
 
 
 def test_a_curve_gives_the_thrust_of_pulses(tmp_path: Path) -> None:
-    pulses = np.array([0.0, 1100.0, 1300.0, 1480.0, 1500.0, 1600.0, 1900.0])
-    write_table(tmp_path / "out.csv", {"t": np.arange(7.0), "C1": pulses})
+    pulses = np.array([0.0, 1050.0, 1100.0, 1300.0, 1480.0, 1500.0, 1600.0, 1900.0])
+    write_table(tmp_path / "out.csv", {"t": np.arange(8.0), "C1": pulses})
     curve = [[0, 0], [1099, 0], [1100, -36.8], [1470, -0.4], [1480, 0], [1530, 0], [1700, 17.9], [1900, 50.4]]
     axis = {"command": "C1", "curve": curve}
     found = {"file": "out.csv", "time": {"column": "t"}, "axes": {"left": axis}, "gap": 2.0}
     command = Log.read(tmp_path, {"thrusters": found}).thrusters.command[:, 0]
-    assert np.allclose(command, np.interp(pulses, *np.transpose(curve))) and command[0] == command[4] == 0.0
+    assert np.allclose(command, np.interp(pulses, *np.transpose(curve))) and command[0] == command[5] == 0.0
     axis["scale"] = 0.5
     assert np.allclose(Log.read(tmp_path, {"thrusters": found}).thrusters.command[:, 0], 0.5 * command)
     axis["curve"] = curve[1:]
-    with pytest.raises(LogError, match=r"out\.csv, line 2: C1 is 0, outside of the curve of left, 1099 to 1900$"):
+    with pytest.raises(LogError, match=r"out\.csv, line 3: C1 is 1050, outside of the curve of left, 1099 to 1900$"):
         Log.read(tmp_path, {"thrusters": found})
-    for wrong in ([[1100, 0]], [[1, 2], [1, 3]], [[1, 2, 3], [2, 3, 4]], "t200", [[1, "a"], [2, 3]], [[1], [2, 3]]):
+    for wrong in ([[1100, 0]], [[1, 2], [1, 3]], [[1, 2, 3], [2, 3, 4]], "t999", [[1, "a"], [2, 3]], [[1], [2, 3]]):
         axis["curve"] = wrong
         with pytest.raises(LogError, match=r"^map: thrusters\.axes\.left\.curve: .* is no list of at least two points"):
             Log.read(tmp_path, {"thrusters": found})

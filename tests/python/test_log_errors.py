@@ -241,7 +241,7 @@ def test_errors_of_maps_name_the_key(log: tuple[Path, dict[str, Any]], path: str
 
 
 def test_maps_without_channels_or_poses_are_refused(log: tuple[Path, dict[str, Any]]) -> None:
-    refuse(r"^map: no channel; known: pose, attitude, twist, imu, joints, thrusters$", {}, read=LogMap.read)
+    refuse(r"^map: no channel; known: pose, attitude, twist, imu, joints, thrusters, battery$", {}, read=LogMap.read)
     found = {"imu": log[1]["imu"], "end": {"position": "z", "below": 0.0}}
     refuse(r"^map: a start or an end by position needs the channel pose$", found, read=LogMap.read)
 

@@ -252,13 +252,12 @@ def test_start_and_end_are_times_keys_or_positions(tmp_path: Path) -> None:
 
 def test_the_examples_of_the_documentation_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    blocks = dict(
-        re.findall(r"^```(\w+)\n(.*?)^```", (ROOT / "docs" / "logs.md").read_text(), re.MULTILINE | re.DOTALL)
-    )
-    found = LogMap.read(tomllib.loads(blocks["toml"]))
-    assert tuple(found.channels) == KINDS and list(found.trials) == ["003-1"]
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```", (ROOT / "docs" / "logs.md").read_text(), re.MULTILINE | re.DOTALL)
+    whole, flight = (LogMap.read(tomllib.loads(text)) for kind, text in blocks if kind == "toml")
+    assert tuple(whole.channels) == (*KINDS, "battery") and list(whole.trials) == ["003-1"]
+    assert [channel.message for channel in flight.channels.values()] == ["ATT", "IMU", "RCOU", "BAT"]
     names: dict[str, Any] = {}
-    exec(blocks["python"], names)
+    exec(dict(blocks)["python"], names)
     assert names["cubics"].shape[1:] == (4, 4)
 
 

@@ -1,13 +1,14 @@
 """Channels from tables: checks, units, axes, clocks and outliers."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym import _rotations as rotations
-from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.channels import Attitude, Battery, Channel, Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.curves import Curve
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.map import Axis, ChannelMap, Columns
 from uvms_gym.logs.tables import Table
@@ -23,20 +24,21 @@ _TYPES: dict[str, type[Channel]] = {
     "imu": Imu,
     "joints": Joints,
     "thrusters": Thrusters,
+    "battery": Battery,
 }
 
 Mask = NDArray[np.bool_]
 
 
-def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
-    """Channel of a table."""
+def make_channel(kind: str, found: ChannelMap, table: Table, battery: Battery | None = None) -> Channel:
+    """Channel of a table; the battery is for thrusters without a supply voltage of their own."""
     table = _in_order(table, found.backwards)
     time = np.asarray(table.time * found.time_factor - found.lag)
     keep = np.diff(time, prepend=-np.inf) > 0.0
     own = {"equal stamps": int(np.sum(~keep))}
     values: dict[str, Any] = _values(found, table)
     if found.axes:
-        values |= _axis_values(kind, found.axes, table)
+        values |= _axis_values(kind, found, table, _supply(found, table, time, battery))
     if np.isfinite(found.jump):
         keep[keep] = without_jumps(time[keep], values["quaternion"][keep], found.jump, found.gap)
         own["jumps"] = int(np.sum(~keep)) - sum(own.values())
@@ -85,7 +87,8 @@ def _values(found: ChannelMap, table: Table) -> dict[str, Floats]:
             q = rotations.multiply(rotations.multiply(world, q), rotations.conjugate(body))
             values["quaternion"] = rotations.canonical(q)
         else:
-            values[quantity] = logged @ rotations.matrices(world if quantity == "position" else body).T
+            turn = rotations.matrices(world if quantity == "position" else body)
+            values[quantity] = logged @ turn.T if logged.shape[1] == 3 else logged
     return values
 
 
@@ -101,8 +104,28 @@ def _quaternions(columns: Columns, logged: Floats, table: Table) -> Floats:
     return np.asarray(q / norms[:, None])
 
 
-def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, Any]:
+def _supply(found: ChannelMap, table: Table, time: Floats, battery: Battery | None) -> Floats | None:
+    """Supply voltages (n,) of the thrusters, V; None where no curve depends on them."""
+    curves = {axis.name: axis.curve for axis in found.axes if axis.curve is not None and len(axis.curve.voltage)}
+    if not curves:
+        return None
+    if found.supply is None and battery is None:
+        name = next(iter(curves))
+        raise found.place.error(
+            "voltage", f"is missing: the curve of {name} depends on it; also a channel battery can have it"
+        )
+    supply = np.full(len(time), found.supply) if found.supply is not None else cast(Battery, battery).voltage_at(time)
+    for name, curve in curves.items():
+        low, high = curve.voltage[[0, -1]]
+        for row in np.flatnonzero((supply < low) | (supply > high))[:1]:
+            what = f"the supply is {supply[row]:g} V, outside of the curve of {name}, {low:g} to {high:g} V"
+            raise LogError(f"{table.where(int(row))}: {what}")
+    return supply
+
+
+def _axis_values(kind: str, found: ChannelMap, table: Table, supply: Floats | None) -> dict[str, Any]:
     """Values of joints or thrusters in the scene's units, and their names."""
+    axes = found.axes
     names, factor = tuple(axis.name for axis in axes), np.array([axis.factor for axis in axes])
     logged = np.zeros((2, len(table.time), len(axes)))
     for k, key in enumerate(("value", "rate")):
@@ -110,7 +133,7 @@ def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, A
             logged[k][:, [axis.column is not None for axis in axes]] = table.values[key]
     for k, axis in enumerate(axes):
         if axis.curve is not None:
-            logged[0][:, k] = _on_curve(logged[0][:, k], axis, table)
+            logged[0][:, k] = _on_curve(axis.curve, logged[0][:, k], axis, table, supply)
     value = factor * logged[0] - np.array([axis.offset for axis in axes])
     if kind == "thrusters":
         return {"names": names, "command": value}
@@ -118,15 +141,13 @@ def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, A
     return {"names": names, "position": value} | velocity
 
 
-def _on_curve(commands: Floats, axis: Axis, table: Table) -> Floats:
+def _on_curve(curve: Curve, commands: Floats, axis: Axis, table: Table, supply: Floats | None) -> Floats:
     """Thrusts (n,), N, of commands (n,) on a thruster's curve."""
-    points = np.array(axis.curve)
-    first, last = points[[0, -1], 0]
-    beyond = np.flatnonzero((commands < first) | (commands > last))
-    if len(beyond):
-        what = f"{axis.column} is {commands[beyond[0]]:g}, outside of the curve of {axis.name}, {first:g} to {last:g}"
-        raise LogError(f"{table.where(int(beyond[0]))}: {what}")
-    return np.asarray(np.interp(commands, *points.T))
+    for row in curve.outside(commands)[:1]:
+        first, last = curve.command[[0, -1]]
+        what = f"{axis.column} is {commands[row]:g}, outside of the curve of {axis.name}, {first:g} to {last:g}"
+        raise LogError(f"{table.where(int(row))}: {what}")
+    return curve(commands, supply)
 
 
 def without_jumps(time: Floats, q: Floats, limit: float, gap: float) -> Mask:

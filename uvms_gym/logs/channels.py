@@ -317,3 +317,20 @@ def _given(values: Floats | None, source: str, quantity: str) -> Floats:
     if values is None:
         raise LogError(f"{source}: the map names no {quantity}")
     return values
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Battery(Channel):
+    """Supply of the thrusters.
+
+    Attributes
+    ----------
+    voltage : numpy.ndarray (n, 1)
+        V.
+    """
+
+    voltage: Floats
+
+    def voltage_at(self, times: ArrayLike) -> Floats:
+        """(m,) voltage at times (m,), V, by linear interpolation; beyond the samples the nearest one's."""
+        return np.interp(np.asarray(times, dtype=np.float64), self.time, self.voltage[:, 0])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from uvms_gym.logs.errors import LogError
@@ -18,6 +19,11 @@ class Keys:
         self._file = file
         self._path = path
         self._known: list[str] = []
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the file."""
+        return Path(self._file).parent
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.data)

@@ -16,7 +16,7 @@ import numpy as np
 from uvms_gym import _core
 from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
-from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.channels import Attitude, Battery, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.flight import read_flight_log
 from uvms_gym.logs.map import QUANTITIES, TRIAL, Bound, ChannelMap, LogMap, in_scene_order
@@ -53,6 +53,8 @@ class Log:
         Positions and velocities of the joints.
     thrusters : Thrusters or None
         Commands of the thrusters.
+    battery : Battery or None
+        Supply voltage of the thrusters.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Log:
     imu: Imu | None = None
     joints: Joints | None = None
     thrusters: Thrusters | None = None
+    battery: Battery | None = None
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], map: Map, trial: str | None = None, scene: Scene | None = None) -> Log:
@@ -224,7 +227,8 @@ def _read_channels(
         tables |= read_flight_log(_file(directory, name, trial), parts)
     if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
         tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)
-    return {kind: make_channel(kind, channel, tables[kind]) for kind, channel in maps.items()}
+    battery: Any = make_channel("battery", maps["battery"], tables["battery"]) if "battery" in maps else None
+    return {kind: make_channel(kind, channel, tables[kind], battery) for kind, channel in maps.items()}
 
 
 def _file(directory: Path, pattern: str, trial: str | None) -> Path:

@@ -11,6 +11,7 @@ import numpy as np
 
 from uvms_gym._files import read_text
 from uvms_gym.logs import units
+from uvms_gym.logs.curves import CURVES, Curve, curve_of, read_curve
 from uvms_gym.logs.errors import reading
 from uvms_gym.logs.keys import Keys
 from uvms_gym.logs.tables import TextFormat
@@ -23,6 +24,7 @@ QUANTITIES: dict[str, dict[str, Mapping[str, float]]] = {
     "imu": {"angular_velocity": units.ANGULAR_SPEED, "specific_force": units.ACCELERATION},
     "joints": {},
     "thrusters": {},
+    "battery": {"voltage": units.VOLTAGE},
 }
 #: Channels with an attitude, and those that must have it.
 ORIENTED = {"pose": True, "attitude": True, "imu": False}
@@ -58,8 +60,8 @@ class Axis:
     velocity: str | None = None
     factor: float = 0.0
     offset: float = 0.0
-    #: Points (column, N) of a thruster's curve, the columns increasing, interpolated linearly.
-    curve: tuple[tuple[float, float], ...] | None = None
+    #: Thrust over the column.
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +101,8 @@ class ChannelMap:
     columns: Mapping[str, Columns]
     #: Joints or thrusters.
     axes: tuple[Axis, ...]
+    #: Supply voltage of the thrusters, V; None: the battery's.
+    supply: float | None
 
     @property
     def names(self) -> dict[str, list[str] | None]:
@@ -132,13 +136,14 @@ def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
         time_factor=units.TIME[time.choice("unit", units.TIME, "s")] if column else 1.0,
         lag=time.number("lag", 0.0),
         backwards=time.choice("backwards", ("refuse", "sort", "drop"), "refuse"),
-        gap=keys.number("gap", gap, above=0.0, finite=False),
+        gap=keys.number("gap", math.inf if kind == "battery" else gap, above=0.0, finite=False),
         jump=np.radians(keys.number("jump_deg", math.inf, above=0.0)) if "attitude" in columns else math.inf,
         repeat_period=keys.number("repeat_period", 0.0, above=0.0) if kind == "joints" else 0.0,
         world=units.WORLD[keys.choice("world", units.WORLD, "nwu")] if kind in ORIENTED else units.WORLD["nwu"],
         body=units.BODY["flu" if kind in ("joints", "thrusters") else keys.choice("body", units.BODY, "flu")],
         columns=columns,
         axes=_axes(kind, keys),
+        supply=keys.number("voltage", 0.0, above=0.0) if kind == "thrusters" and keys.has("voltage") else None,
     )
     time.finish()
     keys.finish()
@@ -191,7 +196,7 @@ def _group(keys: Keys, topic: bool, allowed: Mapping[str, float] | None = None) 
     """Columns of a vector with their unit, or of a quaternion with their order, which has no default."""
     if not topic:
         keys.require("columns")
-    names = keys.texts("columns", 3 if allowed else 4)
+    names = keys.texts("columns", 4 if allowed is None else 1 if allowed is units.VOLTAGE else 3)
     if allowed:
         found = Columns(names, allowed[keys.choice("unit", allowed, next(iter(allowed)))])
     else:
@@ -214,10 +219,7 @@ def _axes(kind: str, keys: Keys) -> tuple[Axis, ...]:
 
 
 def _axis(kind: str, name: str, keys: Keys) -> Axis:
-    """Joint, q = (sign * column - zero) in the unit of the column; or thruster, N.
-
-    A thruster's command is scale * (column - neutral), or scale * curve(column). Either may be a constant.
-    """
+    """Joint, sign * column - zero in its unit; or thruster, N, scale * (column - neutral) or scale * curve(column)."""
     column, lengths = {"joints": "position", "thrusters": "command"}[kind], units.ANGLE | units.LENGTH
     unit = lengths[keys.choice("unit", lengths, "rad")] if kind == "joints" else 1.0
     _exclusive(keys, column, "value")
@@ -238,16 +240,16 @@ def _axis(kind: str, name: str, keys: Keys) -> Axis:
     return axis
 
 
-def _curve(keys: Keys) -> tuple[tuple[float, float], ...]:
+def _curve(keys: Keys) -> Curve:
     value = keys.value("curve")
+    if isinstance(value, str) and value.endswith(".csv"):
+        return read_curve(keys.folder / value)
     try:
-        points = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        points = np.empty(0)
-    fits = points.ndim == 2 and points.shape[0] >= 2 and points.shape[1] == 2 and bool(np.isfinite(points).all())
-    if not fits or not np.all(np.diff(points[:, 0]) > 0.0):
-        raise keys.error("curve", f"{value!r} is no list of at least two points [command, N] with increasing commands")
-    return tuple((x, y) for x, y in points.tolist())
+        return CURVES[value]() if isinstance(value, str) and value in CURVES else curve_of(value)
+    except ValueError:
+        known = f"a name, of {', '.join(CURVES)}, or a file that ends in .csv"
+        problem = f"no list of at least two points [command, N] with increasing commands, {known}"
+        raise keys.error("curve", f"{value!r} is {problem}") from None
 
 
 def in_scene_order(kind: str, found: ChannelMap, names: Sequence[str]) -> tuple[Axis, ...]:

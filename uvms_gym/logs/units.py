@@ -11,6 +11,7 @@ LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLE = {"rad": 1.0, "deg": np.pi / 180.0}
 SPEED = {f"{unit}/s": factor for unit, factor in LENGTH.items()}
 ANGULAR_SPEED = {f"{unit}/s": factor for unit, factor in ANGLE.items()}
+VOLTAGE = {"V": 1.0, "mV": 1e-3}
 ACCELERATION = {"m/s2": 1.0, "mm/s2": 1e-3, "g": 9.80665}
 
 _HALF = np.sqrt(0.5)
