@@ -24,7 +24,7 @@ from uvms_gym.studies.records import circumstances, write_json
 
 ENVS = {"UVMS-StationKeep-Storm-v0": "shac-distilled", "UVMS-EETrack-Storm-v0": "shac"}
 FLAGS = ("-O2", "-O2 -march=native", "-O3 -march=native")
-CALLS, ROUNDS = 500, 41
+CALLS, ROUNDS = 100, 101
 _MAIN = """
 #define _POSIX_C_SOURCE 199309L
 #include <stdio.h>
