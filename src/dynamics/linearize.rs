@@ -119,6 +119,7 @@ fn accelerations_along(
         Dual::call(&mut ContactWrenches {
             system,
             is_start: true,
+            implicit: None,
             pose: (&Pose { rotation, position }, None),
             elapsed: zero,
             twist,

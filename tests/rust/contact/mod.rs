@@ -2,6 +2,7 @@
 
 mod bounce;
 mod friction;
+mod implicit;
 mod laws;
 mod scenes;
 mod twin;
