@@ -39,7 +39,7 @@ impl Default for Contact {
             dissipation: 2.0,
             ramp: 0.0005,
             friction: 0.4,
-            slip_speed: 0.001,
+            slip_speed: 0.003,
             spheres: Vec::new(),
             shapes: Vec::new(),
         }
