@@ -89,6 +89,8 @@ def test_the_digest_is_of_the_numbers_of_the_scene() -> None:
     assert (
         policy_contract(made(scene=altered(lambda scene: scene.update(summary="other"))))["scene"]["digest"] == digest
     )
+    painted = altered(lambda scene: scene["vehicle"].update(shape={"kind": "box", "size": [1.0, 1.0, 1.0]}))
+    assert policy_contract(made(scene=painted))["scene"]["digest"] == digest
     assert policy_contract(made(scene=altered(heavier)))["scene"]["digest"] != digest
 
 
@@ -145,7 +147,12 @@ def test_a_shipped_policy_warns_of_an_altered_scene() -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("{", "no JSON"), ("[]", "its form is None, but must be 'uvms-contract/1'"), ('{"form": "other"}', "'other'")],
+    [
+        ("{", "no JSON"),
+        ("[]", "its form is None, but must be 'uvms-contract/1'"),
+        ('{"form": "other"}', "'other'"),
+        ('{"form": "uvms-contract/1", "scene": 1}', "no contract of uvms_gym"),
+    ],
 )
 def test_a_file_without_a_contract_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     file = tmp_path / "contract.json"

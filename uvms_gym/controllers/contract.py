@@ -20,8 +20,8 @@ FORM = "uvms-contract/1"
 LEAK = 0.1
 #: Differences that one line names.
 _NAMED = 4
-#: Texts and sources in scenes, which are no numbers of the physics.
-_TEXTS = ("provenance", "summary", "name", "visual", "meshes")
+#: Texts, sources and pictures in scenes, which are no numbers of the physics.
+_NO_PHYSICS = ("provenance", "summary", "name", "shape", "meshes")
 #: Options that the contract has under names of its own, and prices of the training.
 _ELSEWHERE = (
     *("task", "action", "dt", "substeps", "end_effector", "disturbance", "max_current", "randomize", "thruster_lag"),
@@ -36,7 +36,7 @@ COMPUTATION = {
     "relative_velocity": "speed over ground less that of the dock at the same instant",
     "relative_angular_velocity": "rate gyro less the turn rate of the dock",
     "up": "unit vector against gravity, by the attitude as measured",
-    "joint_position": "joint encoder less the coordinate at home",
+    "joint_position": "joint encoder less the coordinate at home, `home` of the joint in the scene",
     "joint_rate": "joint rate, positive as the coordinate",
     "joint_reference": "reference one control period ahead less the coordinate at home",
     "joint_reference_rate": "rate of the reference one control period ahead",
@@ -140,7 +140,12 @@ def check_contract(
     if not isinstance(found, dict) or found.get("form") != FORM:
         said = found.get("form") if isinstance(found, dict) else None
         raise ValueError(f"{place}no contract of uvms_gym: its form is {said!r}, but must be {FORM!r}")
-    if apart := list(differences(found, policy_contract(env, **options))):
+    here = policy_contract(env, **options)
+    try:
+        apart = list(differences(found, here))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{place}no contract of uvms_gym: {type(error).__name__} {error}") from None
+    if apart:
         raise ValueError(f"{place}the environment differs from the contract: {listed(apart)}")
     return found
 
@@ -245,10 +250,10 @@ def _components(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Numbers and choices of a scene by their keys; its texts are left out."""
+    """Numbers and choices of a scene by their keys, without what does not concern the physics."""
     if isinstance(value, Mapping):
         for name, part in value.items():
-            if name not in _TEXTS:
+            if name not in _NO_PHYSICS:
                 yield from _numbers(part, f"{key}.{name}" if key else name)
     elif isinstance(value, list | tuple):
         for k, part in enumerate(value):
