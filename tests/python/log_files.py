@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import uvms_gym
+from uvms_gym import _rotations as rotations
+
 JOINTS = ("shoulder", "upper-arm", "elbow", "wrist")
 THRUSTERS = ("left", "right")
 LENGTH = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -203,3 +206,38 @@ def write_zeros(path: Path, message: str) -> None:
         connection = bag.add_connection("/topic", kind, typestore=store)
         for second in (1, 2):
             bag.write(connection, second * 10**9, store.serialize_cdr(zeros(kind, second), kind))
+
+
+MARINARIUM = Path(__file__).parents[1] / "data" / "marinarium"
+MARINARIUM_PARTS = ("rosbag2_2025_11_06-manual", "rosbag2_2025_11_06-stabilized")
+#: Outputs u1 to u8 by the scene's thruster that each drives, and the sign of its thrust.
+MARINARIUM_SIGNS = {"front-right": 1, "front-left": 1, "rear-right": 1, "rear-left": 1}
+MARINARIUM_SIGNS |= {
+    "vertical-front-right": 1,
+    "vertical-front-left": -1,
+    "vertical-rear-right": -1,
+    "vertical-rear-left": 1,
+}
+
+
+def write_marinarium(folder: Path, seconds: float = 9.0) -> list[np.ndarray]:
+    """Write both parts as the set has them, and return their thrusts (n, 8)."""
+    table = np.loadtxt(MARINARIUM / "t200-16v.csv", delimiter=",", skiprows=2)
+    rng, thrusts = np.random.default_rng(0), []
+    for part in MARINARIUM_PARTS:
+        simulator = uvms_gym.Simulator("bluerov2-heavy", dt=0.01)
+        assert simulator.thruster_names == list(MARINARIUM_SIGNS)
+        rows, applied = [], []
+        u = np.zeros(8)
+        for k in range(round(50 * seconds)):
+            if k % 25 == 0:
+                u = rng.uniform(-0.45, 0.45, 8)
+            rpy, nu = rotations.to_rpy(simulator.quaternion)[0], simulator.twist[0]
+            rows.append([0.02 * k, *simulator.position[0], *rpy, *nu, *u])
+            applied.append([sign * np.interp(x, *table.T) for sign, x in zip(MARINARIUM_SIGNS.values(), u)])
+            simulator.step(thrust=np.array([applied[-1]]), substeps=2)
+        names = "t,x,y,z,phi,theta,psi,u,v,w,p,q,r,u1,u2,u3,u4,u5,u6,u7,u8"
+        (folder / part).mkdir(parents=True)
+        np.savetxt(folder / part / "koopman_dataset_50Hz.csv", rows, "%.9g", ",", header=names, comments="")
+        thrusts.append(np.array(applied))
+    return thrusts

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer
 from helpers import fake_moviepy, free_port, module_of
+from log_files import write_marinarium
 
 import uvms_gym
 from uvms_gym.cli import main
@@ -52,6 +53,8 @@ QUICK = {
 #: Marks of texts with these commands. (Verification takes all episodes.)
 MARKS = {"train": pytest.mark.learning, "accuracy": pytest.mark.nightly, "verify": pytest.mark.nightly}
 #: Code that a page's snippets continue.
+#: Folder of the Marinarium set that its page names.
+RECORDED = "bluerov2_dynamics/rosbags/rosbag2_2025_11_06"
 BEFORE = {"add-a-task.md": "from uvms_gym.envs import *"}
 
 
@@ -60,6 +63,8 @@ def test_the_snippets_of_a_page_run(page: Path, tmp_path: Path, monkeypatch: pyt
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     shutil.copy(Path(uvms_gym.__file__).parent / "scenes" / "petasus-pum.toml", tmp_path / "my.toml")
     monkeypatch.chdir(tmp_path)
+    if page.name == "marinarium.md":
+        write_marinarium(tmp_path / RECORDED)
     clips = fake_moviepy(monkeypatch)
     names: dict[str, object] = {}
     exec(BEFORE.get(page.name, ""), names)
@@ -133,6 +138,8 @@ def test_the_commands_of_a_text_run(found: list[list[str]], tmp_path: Path, monk
     (tmp_path / "controller.py").write_text("from uvms_gym import PID as Controller\n")
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     pool(tmp_path / "pool")
+    if any(RECORDED in arguments for arguments in found):
+        write_marinarium(tmp_path / RECORDED, 21.0)
     monkeypatch.chdir(tmp_path)
     verified = any(arguments[0] == "verify" for arguments in found)
     for arguments in found:

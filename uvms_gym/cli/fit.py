@@ -11,7 +11,7 @@ import uvms_gym
 from uvms_gym._files import read_text, write
 from uvms_gym.cli.common import check_list, fail, line, prepare, progress, user_errors
 from uvms_gym.cli.environments import Integrator
-from uvms_gym.cli.logs import Logs, LogStep, Map, Period, print_errors, read_logs
+from uvms_gym.cli.logs import Logs, LogStep, Map, Period, Window, print_errors, read_logs
 from uvms_gym.cli.options import SceneArgument, several
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.identification import Fit, files
@@ -51,6 +51,7 @@ def fit(
         list[str] | None,
         several(f"Channel that counts, of {', '.join(CHANNELS)}", "roll, pitch, gyro x, y; all with thrusters"),
     ] = None,
+    window: Window = None,
     period: Period = PERIOD,
     integrator: Integrator = None,
     dt: LogStep = None,
@@ -74,7 +75,7 @@ def fit(
         if file.exists() and not force:
             raise fail(f"{file} exists: give another --out, or --force to overwrite it")
         prepare(None, file)
-    read = read_logs(scene, logs, map_file)
+    read = read_logs(scene, logs, map_file, window=window)
     data = tomllib.loads(read_text(map_file))
     with progress() as bar:
         task = bar.add_task("fitting", total=ITERATIONS)
@@ -97,7 +98,14 @@ def fit(
                 dt=dt,
                 report=report,
             )
-    given: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "free": free, "hold_out": hold_out}
+    given: dict[str, Any] = {
+        "scene": scene,
+        "logs": logs,
+        "map": map_file,
+        "free": free,
+        "hold_out": hold_out,
+        "window": window,
+    }
     given |= {"prior": priors, "channel": channels, "period": period, "integrator": integrator, "dt": dt}
     _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
     _print(found)

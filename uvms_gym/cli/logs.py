@@ -22,18 +22,27 @@ LogStep = Annotated[
     float | None,
     ranged("Maximum step, s. [default: 0.005 to 0.05, by joints and thrusters, or the scene's]", 1e-5, 1.0, "--dt"),
 ]
+Window = Annotated[
+    float | None,
+    ranged(
+        "Cut every trial into pieces of this length, s, each from its own start. [default: whole trials]", 1.0, 600.0
+    ),
+]
 Period = Annotated[float, ranged("Interval between compared samples, s.", 0.01, 1.0)]
 
 
-def read_logs(scene: str, path: Path, map_file: Path, trials: Sequence[str] = ()) -> list[Log]:
-    """Logs of a directory or a bag: all, or the trials that match patterns."""
+def read_logs(
+    scene: str, path: Path, map_file: Path, trials: Sequence[str] = (), window: float | None = None
+) -> list[Log]:
+    """Logs of a directory or a bag: all, or the trials that match patterns; in pieces of a length, s."""
     with user_errors():
         logs = Log.read_all(path, map_file, scene=scene)
         wanted = select([log.name for log in logs], trials or ["*"])
     logs = [log for log in logs if log.name in wanted]
     for text in remarks(logs):
         line(text)
-    return logs
+    with user_errors():
+        return logs if window is None else [piece for log in logs for piece in log.pieces(window)]
 
 
 def remarks(logs: Sequence[Log]) -> list[str]:

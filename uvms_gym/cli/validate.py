@@ -7,7 +7,7 @@ from typer import Option
 
 from uvms_gym.cli.common import check_list, prepare, user_errors
 from uvms_gym.cli.environments import Integrator
-from uvms_gym.cli.logs import Logs, LogStep, Map, Period, print_errors, read_logs
+from uvms_gym.cli.logs import Logs, LogStep, Map, Period, Window, print_errors, read_logs
 from uvms_gym.cli.options import Json, Out, SceneArgument, several
 from uvms_gym.cli.output import name_files, say, write_results
 from uvms_gym.identification import validate as run
@@ -27,6 +27,7 @@ def validate(
         Literal["prescribed", "servos"], Option(help="Joints that move as logged, or servos of the scene that follow.")
     ] = "prescribed",
     thrusters: Annotated[Literal["log", "off"], Option(help="Thrust as commanded in the logs, or none.")] = "log",
+    window: Window = None,
     period: Period = PERIOD,
     integrator: Integrator = None,
     dt: LogStep = None,
@@ -38,7 +39,7 @@ def validate(
     Prints RMS errors, also of simple predictors that any model must beat, and writes validate.json and replays.png to
     --out.
     """
-    read = read_logs(scene, logs, map_file, check_list("--trial", trial, []))
+    read = read_logs(scene, logs, map_file, check_list("--trial", trial, []), window)
     prepare(out, json_file, FILES)
     with user_errors():
         given: dict[str, Any] = {
@@ -49,7 +50,7 @@ def validate(
             "dt": dt,
         }
         found = run(scene, read, **given)
-    arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or []}
+    arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or [], "window": window}
     arguments |= given
     data = {"circumstances": circumstances("validate", arguments), "errors": found.table.as_data()}
     write_results(out, FILES, json_file, data)

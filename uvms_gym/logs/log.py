@@ -168,6 +168,20 @@ class Log:
         cut: dict[str, Any] = {kind: channel.between(first, last) for kind, channel in self.channels.items()}
         return replace(self, start=first, end=last, **cut)
 
+    def pieces(self, seconds: float) -> list[Self]:
+        """Consecutive parts of equal length, s, named by their number from 1 on; the rest at the end is left out.
+
+        Raises
+        ------
+        LogError
+            The log is shorter.
+        """
+        count = int((self.end - self.start) / seconds + 1e-9)
+        if count < 1:
+            raise LogError(f"{self.name}: {self.end - self.start:.6g} s, shorter than a piece of {seconds:.6g} s")
+        cuts = [(k, self.start + (k - 1) * seconds) for k in range(1, count + 1)]
+        return [replace(self.between(start, start + seconds), name=f"{self.name}-{k}") for k, start in cuts]
+
     def summary(self) -> str:
         """Text with one line per channel: samples, rate, gaps, rows left out, and notes on how it was read."""
         lines = [f"{self.name}: {self.start:.3f} to {self.end:.3f} s ({self.end - self.start:.3f} s)"]
