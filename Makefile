@@ -15,10 +15,10 @@ installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'im
 	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-rust lint audit test-wheel test-learning test-python test-nightly test-ray chromium docs pictures wheel clean
+.PHONY: help run test test-rust lint audit test-wheel test-learning test-python test-nightly test-ray test-ros2 chromium docs pictures wheel clean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 run: ## build everything, reproduce the paper, compare controllers; results in out/
 	@$(MAKE) --no-print-directory -j2 $(VENV)/wheel $(VENV)/test
@@ -73,6 +73,9 @@ test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/pyright $(VENV)/wheel test-r
 test-ray: $(VENV)/test $(VENV)/learning uvms_gym/_core.abi3.so ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
 	.ci/ray
 
+test-ros2: $(VENV)/test $(VENV)/ros2 $(VENV)/wheel ## nodes of ROS 2 on genuine rclpy and Fast DDS, with CPython 3.11; downloads 40 MB
+	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST && export ROS_AUTOMATIC_DISCOVERY_RANGE && $(installed)/test_ros2.py -m ros2 -n 0
+
 # For tests of the page, which are skipped without it.
 chromium:
 	@command -v chromium || command -v chromium-browser || command -v google-chrome || { sudo=$$(command -v sudo); \
@@ -115,6 +118,10 @@ $(VENV)/zig: $(VENV)/made
 
 $(VENV)/learning: $(VENV)/made pyproject.toml
 	$(call requirements,train)
+	touch $@
+
+$(VENV)/ros2: $(VENV)/made pyproject.toml
+	$(call requirements,ros2-node)
 	touch $@
 
 # Pyright with its Node.js: the package of that name downloads both when it runs.

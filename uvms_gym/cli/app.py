@@ -14,7 +14,7 @@ import typer
 from typer import Option
 
 from uvms_gym import __version__
-from uvms_gym.cli import robots, scenes
+from uvms_gym.cli import robots, ros2, scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.common import console, held
@@ -46,6 +46,7 @@ app = typer.Typer(
     **_PLAIN,
 )
 scenes_app = typer.Typer(help="List, show, check and explain scenes.", **_PLAIN)
+ros2_app = typer.Typer(help="Nodes of ROS 2: a simulated vehicle, a controller.", **_PLAIN)
 
 
 def _register(group: typer.Typer, *commands: Callable[..., Any], **named: Callable[..., Any]) -> None:
@@ -62,6 +63,8 @@ _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
 _register(scenes_app, compose, **{"import": robots.import_robot})
 app.add_typer(scenes_app, name="scenes")
+_register(ros2_app, ros2.simulate, ros2.control)
+app.add_typer(ros2_app, name="ros2")
 
 
 def _print_version(wanted: bool) -> None:
