@@ -198,6 +198,13 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
     assert compensated < 1e-3
 
 
+def test_nmpc_leaves_plans_that_no_longer_fit_the_motion() -> None:
+    """Saturated inputs that turn the vehicle over are not repeated: among these seeds are some that ended metres away."""
+    envs = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=16, scene="bluerov2-heavy")
+    stats = run_episodes(envs, NMPC(envs), 196, 200)
+    assert stats.last["position_error"].max() < 0.5
+
+
 @pytest.mark.parametrize("kind", [*KINDS, NMPC, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])
 def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
     controller = kind(scene="petasus-pum")

@@ -4,6 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
 
+/// Relative decrease of the cost, as the model expects it, below which a plan is optimal.
+const OPTIMAL: f64 = 1e-3;
+
 /// Discrete model of the controlled system over a plan's control periods.
 pub trait PlanModel {
     /// State after control period `knot` from a state under inputs.
@@ -51,15 +54,17 @@ impl<'a, M: PlanModel> RealTimePlan<'a, M> {
     }
 
     /// Improves the plan by one iteration, and stores it without its first inputs, which are returned.
+    ///
+    /// A plan that no step improves, although its model promises it, is too far from the motion: saturated inputs would be repeated
+    /// for ever. Another one then begins with the inputs that hold the target, and the cheaper one is continued.
     pub fn improve(mut self, memory: &mut [f64]) -> DVector<f64> {
-        if let Some(solution) = solve(&mut self, &Settings { iterations: 0, tolerance: 0.0 }) {
-            // A step that costs more than none is shortened.
-            for sizes in [&STEP_SIZES[..1], &STEP_SIZES[1..]] {
-                let costs = self.search(Some(&solution.policies), sizes);
-                if let Some(k) = costs.iter().position(|cost| *cost < solution.costs[0]) {
-                    self.accept(k);
-                    break;
-                }
+        let cost = self.iterate();
+        if let Err(cost) = cost {
+            let (state, holding) = (self.present.1[0].clone(), self.holding());
+            let before = std::mem::replace(&mut self.present, (holding, vec![state]));
+            let (Ok(other) | Err(other)) = self.iterate();
+            if cost < other {
+                self.present = before;
             }
         }
         let (inputs, _) = &self.present;
@@ -68,6 +73,29 @@ impl<'a, M: PlanModel> RealTimePlan<'a, M> {
             place.copy_from_slice(entry.as_slice());
         }
         inputs[0].clone()
+    }
+
+    /// Improves the plan by one iteration and returns its cost; an error where the plan stays as it is and is not optimal.
+    fn iterate(&mut self) -> Result<f64, f64> {
+        let solution = solve(self, &Settings { iterations: 0, tolerance: 0.0 }).ok_or(f64::INFINITY)?;
+        let cost = solution.costs[0];
+        // A step that costs more than none is shortened.
+        for sizes in [&STEP_SIZES[..1], &STEP_SIZES[1..]] {
+            let costs = self.search(Some(&solution.policies), sizes);
+            if let Some(k) = costs.iter().position(|other| *other < cost) {
+                self.accept(k);
+                return Ok(costs[k]);
+            }
+        }
+        if solution.decrement < OPTIMAL { Ok(cost) } else { Err(cost) }
+    }
+
+    /// Inputs that hold the target, within their limits.
+    fn holding(&self) -> Vec<DVector<f64>> {
+        let [lower, upper] = self.bounds;
+        let knots = &self.targets[..self.present.0.len()];
+        let hold = |target: &DVector<f64>| target.rows_range(target.len() - lower.len()..).into_owned();
+        knots.iter().map(|target| hold(target).sup(lower).inf(upper)).collect()
     }
 
     /// Gradient and cost at z of a knot.
