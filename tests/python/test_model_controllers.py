@@ -199,7 +199,7 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
 
 
 def test_nmpc_leaves_plans_that_no_longer_fit_the_motion() -> None:
-    """Saturated inputs that turn the vehicle over are not repeated: among these seeds are some that ended metres away."""
+    """Saturated inputs that turn the vehicle over are not repeated; some of these seeds ended metres away."""
     envs = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=16, scene="bluerov2-heavy")
     stats = run_episodes(envs, NMPC(envs), 196, 200)
     assert stats.last["position_error"].max() < 0.5
