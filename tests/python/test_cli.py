@@ -196,9 +196,11 @@ def test_scenes_shows_contact_and_fixtures(capsys: pytest.CaptureFixture[str], t
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     for row in (
         "skid vehicle 0.2 0 -0.15 0.02",
-        "seabed world plane 2000 2 0.0005 0.4 0.001",
-        "rim world torus 5000 2 0.0005 0.4 0.001",
-        "valve revolute 0 unlimited",
+        "seabed world plane unbounded 0 0 -50",
+        "pile world cylinder radius 0.3, length 20 12 5 0",
+        "seabed 2000 2 0.0005 0.4 0.003",
+        "rim 5000 2 0.0005 0.4 0.003",
+        "valve revolute unlimited 0 0 0 0 0",
     ):
         assert row.split() in rows
 

@@ -14,6 +14,7 @@ from uvms_gym import Simulator, load_scene, scene_names
 from uvms_gym._rotations import about
 from uvms_gym._scene import joints
 from uvms_gym.cli import explain, main
+from uvms_gym.identification.files import to_toml
 from uvms_gym.studies.accuracy.driven_motion import Track, driven_motion
 from uvms_gym.studies.terms import ablation
 from uvms_gym.studies.terms import scene_terms as terms
@@ -213,3 +214,26 @@ def test_the_command_tells_terms_costs_errors_and_what_to_do(
     assert drag["median_error_without"]["10 s"]["position"] > drag["median_error_without"]["1 s"]["position"] > 0.0
     assert main(["scenes", "explain", "free-body", "--episodes", "2"]) == 0
     assert "No term of this scene can be removed" in capsys.readouterr().out
+
+
+def test_explain_lists_contact_and_fixtures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = load_scene("free-body")
+    limits = {"lower": 0.0, "upper": 3.22, "stiffness": 57.0, "damping": 5.0}
+    valve = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "rotor_inertia": 0.002, "limits": limits}
+    valve |= {"frame": {"position": [9.0, 0.0, 0.0]}, "friction": {"viscous": 0.083}}
+    scene["fixtures"] = [{"name": "valve", "joint": valve}]
+    sphere = {"name": "skid", "on": "vehicle", "position": [0.0, 0.0, -0.211], "radius": 0.023}
+    rim = {"name": "rim", "on": "valve", "kind": "torus", "radius": 0.0591, "tube": 0.0062, "stiffness": 7123.0}
+    panel = {"name": "panel", "kind": "box", "size": [0.02, 0.61, 0.62], "frame": {"position": [9.5, 0.0, 0.0]}}
+    scene["contact"] = {"slip_speed": 0.004, "spheres": [sphere], "shapes": [panel, rim]}
+    (file := tmp_path / "station.toml").write_text(to_toml(load_scene(scene)))
+    assert main(["scenes", "explain", str(file), "--episodes", "2"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "skid vehicle 0 0 -0.211 0.023",
+        "panel world box 0.02 x 0.61 x 0.62 9.5 0 0",
+        "rim valve torus radius 0.0591, tube 0.0062 0 0 0",
+        "rim 7123 2 0.0005 0.4 0.004",
+        "valve revolute 0 to 3.22 0 57 0 0.083 0",
+    ):
+        assert words in text

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym.cli.common import console, fail, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.contact_tables import show_contact
 from uvms_gym.cli.environments import Integrator, stating_integration
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
@@ -47,6 +48,7 @@ def explain(
         found = ablation.ablate(loaded, episodes, seed, dt)
     console.print(loaded["name"], style="bold", markup=False)
     console.print()
+    show_contact(loaded)
     _print_costs(found)
     if found.removable:
         _print_errors(found)

@@ -12,6 +12,7 @@ import uvms_gym
 from uvms_gym._importing.meshes import missing
 from uvms_gym._scene import bodies, buoyancy_of, surroundings
 from uvms_gym.cli.common import console, fail, prepare, read_scene
+from uvms_gym.cli.contact_tables import show_contact
 from uvms_gym.cli.environments import Integrator, Step, stating_integration
 from uvms_gym.cli.options import Json, SceneArgument, ranged
 from uvms_gym.cli.output import say, table, write_json
@@ -74,39 +75,12 @@ def show(scene: SceneArgument, json_file: Json = None) -> None:
             for name, (low, high) in zip(simulator.thruster_names, simulator.thruster_limits, strict=True)
         ]
         table("Thrusters", ("thruster", "minimum N", "maximum N"), rows)
-    _show_contact(loaded)
+    show_contact(loaded)
     _show_rates(simulator, None)
     provenance = loaded.get("provenance", {})
     table("Provenance", ("key", "source"), sorted(provenance.items()), text_columns=2)
     if json_file is not None:
         write_json(json_file, loaded)
-
-
-def _show_contact(scene: dict[str, Any]) -> None:
-    """Print spheres, shapes and fixtures of a scene."""
-    found = surroundings(scene)
-    rows: list[tuple[str, ...]] = []
-    for sphere in found["spheres"]:
-        place = (*sphere["position"], sphere["radius"])
-        rows.append((sphere["name"], sphere["on"], *(f"{x:.4g}" for x in place)))
-    if rows:
-        places = ("x m", "y m", "z m", "radius m")
-        table("Spheres of contact, in the frames of their bodies", ("sphere", "on", *places), rows, text_columns=2)
-    rows = []
-    for shape in found["shapes"]:
-        law = ("stiffness", "dissipation", "ramp", "friction", "slip_speed")
-        numbers = [shape.get(key, scene["contact"][key]) for key in law]
-        rows.append((shape["name"], shape["on"], shape["kind"], *(f"{x:.4g}" for x in numbers)))
-    if rows:
-        units = ("N/m", "s/m", "ramp m", "friction", "slip m/s")
-        table("Shapes of contact and the numbers of their law", ("shape", "on", "kind", *units), rows, text_columns=3)
-    rows = []
-    for fixture in found["fixtures"]:
-        joint, limits = fixture["joint"], fixture["joint"].get("limits")
-        reach = f"{limits['lower']:.4g} to {limits['upper']:.4g}" if limits else "unlimited"
-        rows.append((fixture["name"], joint["kind"], f"{joint['home']:.4g}", reach))
-    if rows:
-        table("Fixtures, rad or m", ("fixture", "joint", "at the start", "range"), rows, text_columns=2)
 
 
 def check(
