@@ -14,6 +14,9 @@ Groups = tuple[tuple[int, ...], ...]
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
 EACH: Groups = tuple((axis,) for axis in range(6))
 
+#: Gains that are not sought: the wrist turns the valve, not the vehicle, which would otherwise roll by up to 85 degrees.
+PRESCRIBED = {"valve": {"posture_gain": 0.04, "levelling_gain": 5.0, "arm_weight": 1.0}}
+
 
 class Parameter(NamedTuple):
     """A keyword argument of a controller, and its range.
@@ -60,10 +63,8 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
         *(Parameter(name, 0.1, 10.0) for name in ("pose_gain", "twist_gain", "joint_gain")),
         *(Parameter(name, 0.02, 20.0) for name in ("posture_gain", "levelling_gain", "arm_weight")),
     )
-    if task == "valve":
-        # The wrist turns the valve, not the vehicle, which would roll by 70 degrees.
-        posture, levelling = Parameter("posture_gain", 0.02, 0.2), Parameter("levelling_gain", 4.0, 20.0)
-        resolved = (*resolved[:3], posture, levelling, resolved[-1])
+    if task in PRESCRIBED:
+        resolved = tuple(parameter for parameter in resolved if parameter.name not in PRESCRIBED[task])
     three: Groups = ((0,), (1,), (2,))
     resolved_dob = (*resolved, observer._replace(groups=three), horizon._replace(name="lag_compensation"))
     # A tool that works on a fixture.

@@ -38,7 +38,7 @@ import gymnasium
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from parameters import ALIKE, EACH, Parameter, parameters, space_of
+from parameters import ALIKE, EACH, PRESCRIBED, Parameter, parameters, space_of
 from search import Space, rounded, search, store, write
 
 import uvms_gym
@@ -153,7 +153,8 @@ class Tuner:
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""
-        gains, left = {}, iter(values)
+        gains: dict[str, Any] = dict(PRESCRIBED.get(self._arena.task, {}))
+        left = iter(values)
         for parameter in self._sought:
             own = self._own[parameter.name]
             scaled = own.copy()
