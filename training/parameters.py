@@ -14,7 +14,7 @@ Groups = tuple[tuple[int, ...], ...]
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
 EACH: Groups = tuple((axis,) for axis in range(6))
 
-#: Gains that are not sought: the wrist turns the valve, not the vehicle, which would otherwise roll by up to 85 degrees.
+#: Gains that are not sought: the wrist turns the valve, not the vehicle, which rolled by up to 85 degrees otherwise.
 PRESCRIBED = {"valve": {"posture_gain": 0.04, "levelling_gain": 5.0, "arm_weight": 1.0}}
 
 
