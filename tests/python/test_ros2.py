@@ -195,9 +195,15 @@ def test_a_controller_of_another_contract_gives_no_command(open_session: Any) ->
 
 @pytest.mark.parametrize(
     ("period", "message"),
-    [(0.25, r"odom comes every 0\.25 s, but the controller acts every 0\.1 s"), (None, "no message on .*joint_states")],
+    [
+        (0.25, r"odom comes every 0\.25 s, but must come every 0\.1 s or a fraction of it"),
+        (0.07, r"odom comes every 0\.07 s, but must come every 0\.1 s or a fraction of it"),
+        (None, "no message on .*joint_states for 5 s"),
+    ],
 )
-def test_a_topic_that_is_slow_or_never_comes_is_one_line(open_session: Any, period: float | None, message: str) -> None:
+def test_a_topic_of_wrong_rate_or_that_never_comes_is_one_line(
+    open_session: Any, period: float | None, message: str
+) -> None:
     guest, one, stop = open_session("guest"), vehicle(), threading.Event()
     names = ["odom", *(["joint_states"] if period else [])]
     publishers = {name: guest.node.create_publisher(messages.SENSORS[name], name, 10) for name in names}
@@ -220,6 +226,40 @@ def test_a_topic_that_is_slow_or_never_comes_is_one_line(open_session: Any, peri
     finally:
         stop.set()
         work.join()
+
+
+def test_of_faster_measurements_one_per_control_period_is_answered(open_session: Any) -> None:
+    guest, one, stop, stamps = open_session("guest"), vehicle(), threading.Event(), []
+    publishers = {
+        name: guest.node.create_publisher(messages.SENSORS[name], name, 10) for name in ("odom", "joint_states")
+    }
+    kept = guest.node.create_subscription(
+        messages.COMMANDS["wrench"], "wrench", lambda m: stamps.append(messages.time_of(m.header.stamp)), 10
+    )
+
+    def publish() -> None:
+        for k in range(10_000):
+            made = messages.sensor_messages(one.measurement, {}, one.joints)
+            for name, publisher in publishers.items():
+                made[name].header.stamp = messages.stamp_of(k / 30.0)
+                if k % 10 == 9:
+                    made["odom"].pose.pose.position.x = np.nan
+                publisher.publish(made[name])
+            guest.spin(0.01)
+            if stop.is_set():
+                return
+
+    work = Background(publish)
+    try:
+        node = control_node(open_session("controller"))
+        node.run(20.0)
+    finally:
+        stop.set()
+        work.join()
+    assert kept is not None and len(stamps) > 20
+    # One message in ten is ignored, as it has a number that is not finite.
+    assert np.median(np.diff(stamps)) == pytest.approx(0.1, abs=1e-6)
+    assert np.min(np.diff(stamps)) > 0.06
 
 
 def test_a_simulation_in_lockstep_without_a_controller_ends_with_one_line(open_session: Any) -> None:

@@ -22,8 +22,8 @@ with extra("ros2-node"):
 
 #: Time to wait for the first measurements, s.
 PATIENCE = 10.0
-#: Measurements from which the rate of odom is estimated, and the maximum of its period relative to the policy's.
-MEASUREMENTS, SLOW = 5, 1.1
+#: Measurements from which the interval of odom is estimated, and its tolerance, relative to the control period.
+MEASUREMENTS, TOLERANCE = 5, 0.1
 
 
 class ControllerNode:
@@ -57,9 +57,11 @@ class ControllerNode:
         if self._joints:
             topics["joint_states"] = (SENSORS["joint_states"], self._on_joints, 10)
         self._kept = [node.create_subscription(kind, name, call, qos) for name, (kind, call, qos) in topics.items()]
-        self._odom: Any = None
+        self._odom: tuple[Any, tuple[Floats, Floats, Floats]] | None = None
         self._state: tuple[float, Floats, Floats] | None = None
         self._stamps: deque[float] = deque(maxlen=MEASUREMENTS)
+        #: Time from the last answered measurement at which the next one is due, s.
+        self._due = 0.5 * self.observer.period
         self._last: float | None = None
         self._sent: dict[str, Any] = {}
         self._heard = time.monotonic()
@@ -101,14 +103,18 @@ class ControllerNode:
             self.session.say("the vehicle publishes no contract: only the rate is checked")
         if not (self._contract or {}).get("lockstep"):
             self.session.spin_until(lambda: len(self._stamps) == MEASUREMENTS, self._patience)
-            interval = float(np.median(np.diff(self._stamps))) if len(self._stamps) > 1 else float("inf")
-            if interval > SLOW * self.observer.period:
-                raise ValueError(
-                    f"odom comes every {interval:.3g} s, but the controller acts every {self.observer.period:g} s"
-                )
+            self._check_rate()
         if self._error is not None:
             raise ValueError(self._error)
         self._ready = True
+
+    def _check_rate(self) -> None:
+        """Refuse a control period that is no multiple of the interval of odom."""
+        period = self.observer.period
+        interval = float(np.median(np.diff(self._stamps))) if len(self._stamps) > 1 else float("inf")
+        if abs(max(1, round(period / interval)) * interval / period - 1.0) > TOLERANCE:
+            raise ValueError(f"odom comes every {interval:.3g} s, but must come every {period:g} s or a fraction of it")
+        self._due = period - 0.5 * interval
 
     def _missing(self) -> list[str]:
         """Topics of which no message has come."""
@@ -127,12 +133,18 @@ class ControllerNode:
             self._error = f"the environment of the controller differs from the vehicle's contract: {listed(apart)}"
 
     def _on_odom(self, message: Any) -> None:
-        self._odom = message
+        try:
+            self._odom = message.header.stamp, pose_and_twist(message)
+        except ValueError as error:
+            self.session.say(f"a message is ignored: {error}")
+            return
         stamp = time_of(message.header.stamp)
         if self._stamps and stamp < self._stamps[-1]:
             self._stamps.clear()
         if not self._stamps or stamp > self._stamps[-1]:
             self._stamps.append(stamp)
+        if stamp == self._last:
+            self._publish()  # The vehicle asks again.
         self._act()
 
     def _on_joints(self, message: Any) -> None:
@@ -150,31 +162,29 @@ class ControllerNode:
         """Command, if the last odometry has joints of its time and a control period has gone by."""
         if not self._ready or self._odom is None or self._error is not None:
             return
-        stamp, period = time_of(self._odom.header.stamp), self.observer.period
+        at, measured = self._odom
+        stamp, period = time_of(at), self.observer.period
         joints = self._state or (stamp, np.zeros(0), np.zeros(0))
         if abs(joints[0] - stamp) > 0.5 * period:
             return
-        if self._last is not None and 0.0 <= stamp - self._last < period - 0.25 * self._interval():
-            if stamp == self._last:
-                self._publish()  # The vehicle asks again.
-            return
-        if self._last is not None and not 0.0 <= stamp - self._last < DEADMAN:
-            self.session.say(f"memory begins anew at {stamp:g} s", once=False)
-            self.observer.reset()
+        if self._last is not None:
+            gap = stamp - self._last
+            if 0.0 <= gap < self._due:
+                return
+            if not 0.0 <= gap < max(DEADMAN, 2.0 * period):
+                self.session.say(f"memory begins anew at {stamp:g} s", once=False)
+                self.observer.reset()
         try:
-            observation = self.observer.observe(*pose_and_twist(self._odom), *joints[1:])
-            command = self.observer.act(observation)
+            command = self.observer.act(self.observer.observe(*measured, *joints[1:]))
         except ValueError as error:
             self._error = str(error)
             return
         self._last, self._heard = stamp, time.monotonic()
         m = 6 if self._wrench else len(self._thrusters)
-        at = self._odom.header.stamp
-        self._sent = {
-            "wrench" if self._wrench else "thrusts": wrench_message(at, command[:6])
-            if self._wrench
-            else joint_message(at, self._thrusters, effort=command[:m])
-        }
+        if self._wrench:
+            self._sent = {"wrench": wrench_message(at, command[:m])}
+        else:
+            self._sent = {"thrusts": joint_message(at, self._thrusters, effort=command[:m])}
         if self.observer.joint_targets is not None:
             position, velocity = self.observer.joint_targets
             self._sent["joint_targets"] = joint_message(at, self._joints, position=position, velocity=velocity)
@@ -182,9 +192,6 @@ class ControllerNode:
             self._sent["joint_targets"] = joint_message(at, self._driven, effort=command[m:])
         self.commands += 1
         self._publish()
-
-    def _interval(self) -> float:
-        return float(np.median(np.diff(self._stamps))) if len(self._stamps) > 1 else 0.0
 
     def _publish(self) -> None:
         for name, message in self._sent.items():

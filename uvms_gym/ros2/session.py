@@ -16,7 +16,7 @@ with extra("ros2-node"):
     from rclpy.signals import SignalHandlerOptions
 
 #: Time for other nodes to be discovered, s.
-DISCOVERY = 1.0
+DISCOVERY = 2.0
 #: Sent again to nodes that come later.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

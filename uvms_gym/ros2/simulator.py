@@ -107,7 +107,7 @@ class SimulatorNode:
         silent = self.vehicle.silent
         if silent != self._was_silent:
             self.deadman += silent
-            begin = f"no thrusts or wrench for {DEADMAN:g} s: thrusts are 0" if silent else "commands"
+            begin = f"no thrusts or wrench for {DEADMAN:g} s: thrusts are 0" if silent else "commands come"
             self.session.say(f"{begin} at {self.vehicle.time:g} s", once=False)
         self._was_silent = silent
 
