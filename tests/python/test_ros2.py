@@ -108,7 +108,7 @@ def test_the_deadman_acts_where_the_controller_dies_and_a_new_one_recovers(open_
     simulator = SimulatorNode(open_session("simulator"), vehicle(seed=4), factor=4.0)
     running = open_session("controller")
     first = control_node(running, seed=4)
-    work = Background(lambda: simulator.run(24.0))
+    work = Background(lambda: simulator.run(40.0))
     first.run(8.0)
     # Nothing handles its topics any more.
     end = time.monotonic() + 20.0
@@ -118,7 +118,7 @@ def test_the_deadman_acts_where_the_controller_dies_and_a_new_one_recovers(open_
     assert 8.0 + DEADMAN <= simulator.vehicle.time < 8.0 + DEADMAN + 4.0
     second = control_node(open_session("controller_2"), seed=4)
     adrift = simulator.vehicle.info["position_error"]
-    second.run(23.8)
+    second.run(39.8)
     work.join()
     assert second.commands > 50
     assert simulator.vehicle.info["position_error"] < 0.08 < adrift
