@@ -91,7 +91,7 @@ REFUSED = [
     ("play --out x.png --camera 0,90", "elevation of --camera is 90.0, but must be -85 to 85"),
     ("play --out x.png --camera 0,0,-1", "distance of --camera is -1.0"),
     ("play --plot x.png --fps 10", "--size, --fps and --camera go with --out or --window"),
-    ("play --web --size 640x480", "--web goes without --out, --window, --size, --fps, --camera and --plot"),
+    ("play --web --size 640x480", "--web goes without --out, --window, --size, --fps, --camera, --plot and --mcap"),
     ("play --web --out x.png", "--web goes without"),
     ("play --web --port 0", "--port is 0, but must be 1 to 65535"),
     ("play --web --disturbance typhoon", "typhoon"),

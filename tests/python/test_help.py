@@ -20,7 +20,7 @@ def commands(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[Any, li
 
 #: Options and arguments without which something is not done, or asked of others.
 NOTHING_WITHOUT = (
-    {"--json", "--out", "--plot", "--export", "--tensorboard-log"}
+    {"--json", "--out", "--plot", "--mcap", "--export", "--tensorboard-log"}
     | {"--env", "--base", "--start", "--env-kwargs", "--hyperparams", "--trained-agent"}
     | {"outline", "--box", "--cylinder", "--capsule", "--ellipsoid"}
 )

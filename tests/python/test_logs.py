@@ -257,7 +257,7 @@ def test_the_examples_of_the_documentation_work(monkeypatch: pytest.MonkeyPatch)
     assert tuple(whole.channels) == (*KINDS, "battery") and list(whole.trials) == ["003-1"]
     assert [channel.message for channel in flight.channels.values()] == ["ATT", "IMU", "RCOU", "BAT"]
     names: dict[str, Any] = {}
-    exec(dict(blocks)["python"], names)
+    exec(next(text for kind, text in blocks if kind == "python"), names)
     assert names["cubics"].shape[1:] == (4, 4)
 
 

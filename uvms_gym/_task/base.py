@@ -14,6 +14,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._core import Simulator, Task, scene_names, tasks
+from uvms_gym._task.jacobians import base_actions
 from uvms_gym._task.options import TaskOptions, check_count, native
 
 #: Episode length of the registered environments, control periods.
@@ -150,6 +151,18 @@ class TaskBase:
         m/s, world axes; action (N, a); joint_reference and joint_reference_rate (N, n), where joints follow one.
         """
         return self._native.episodes()
+
+    def _forces(self, actions: NDArray[np.float32], observations: NDArray[np.float32] | None) -> NDArray[np.float64]:
+        """Forces (N, f) of actions (N, a)."""
+        return self._native.forces(self._native.frames()[1], actions, self._base(observations))[0]
+
+    def _base(self, observations: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+        """Actions (N, a) of the base controller, with residual actions."""
+        if self.options.action != "residual":
+            return None
+        if observations is None:
+            raise ValueError("residual actions correct a controller: give its observations (N, d)")
+        return base_actions(self._native, observations)
 
     def _errors(self) -> NDArray[np.float64]:
         """Rows of `info["error_estimate"]`, (N, 6)."""

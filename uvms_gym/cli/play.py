@@ -23,6 +23,7 @@ from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.options import CONTROLLER_HELP, Policies, ranged
 from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, MIN_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
 from uvms_gym.controllers.families import BASELINE, canonical
+from uvms_gym.logs import Recorder
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.summary import short_names
 from uvms_gym.viewer.curves import error_curves
@@ -87,13 +88,17 @@ def play(
         Path | None,
         Option(metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."),
     ] = None,
+    mcap: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="MCAP of states and thrusts in ROS 2 messages, with or without a video."),
+    ] = None,
 ) -> None:
     """Show an episode under a controller: in a window, a browser, a file, or a plot over time.
 
-    Without --out, --plot and --window it is shown in a browser. Folders of files are made.
+    Without --out, --plot, --mcap and --window it is shown in a browser. Folders of files are made.
     """
     # The browser view needs no further options.
-    other = window or any(given is not None for given in (out, size, fps, camera, plot))
+    other = window or any(given is not None for given in (out, size, fps, camera, plot, mcap))
     web = web or not other
     env = env or (STORM if web else DEFAULT)
     arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance, integrator=integrator)
@@ -103,7 +108,7 @@ def play(
     level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
         if other:
-            raise fail("--web goes without --out, --window, --size, --fps, --camera and --plot")
+            raise fail("--web goes without --out, --window, --size, --fps, --camera, --plot and --mcap")
         need({"viser": "viser"}, "view")
         _serve(_make(env, arguments, seconds), controller, seed, port)
         return
@@ -114,12 +119,16 @@ def play(
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
     if plot is not None and plot.suffix.lower() != ".png":
         raise fail(f"--plot is {str(plot)!r}, but must end in .png")
+    if mcap is not None and mcap.suffix.lower() != ".mcap":
+        raise fail(f"--mcap is {str(mcap)!r}, but must end in .mcap")
     drawn = out is not None or window
     if not drawn and (size, fps, camera) != (None, None, None):
         raise fail("--size, --fps and --camera go with --out or --window")
     settings = read_settings(size, fps, camera, suffix)
     needed = {"PIL": drawn, "imageio_ffmpeg": suffix == ".mp4", "pygame": window}
     need({module: NEEDS[module] for module, wanted in needed.items() if wanted}, "view")
+    if mcap is not None:
+        need({"mcap": "mcap", "rosbags": "rosbags"}, "ros2")
     made = _make(env, arguments, seconds)
     inner: Any = made.unwrapped
     with user_errors():
@@ -130,12 +139,14 @@ def play(
     title = f"{inner.snapshot().scene_name}  ·  {short_names([chosen])[chosen]}"
     prepare(None, out)
     prepare(None, plot)
+    prepare(None, mcap)
     instants: list[Instant] = []
-    with progress() as bar:
+    with progress() as bar, contextlib.ExitStack() as stack:
+        recorder = None if mcap is None else stack.enter_context(Recorder(mcap))
         task = bar.add_task("playing", total=steps)
 
         def moments() -> Iterator[Instant]:
-            for instant in _run(made, control, seed, steps, period):
+            for instant in _run(made, control, seed, steps, period, recorder):
                 instants.append(instant)
                 bar.advance(task)
                 yield instant
@@ -154,11 +165,14 @@ def play(
         names = [block.name for block in inner.action_layout]
         with user_errors(verb="write"):
             plot_episode(plot, f"{title}, {level}" if level else title, names, error_curves(made), instants)
-    for file in filter(None, (out, plot)):
+    for file in filter(None, (out, plot, mcap)):
         line(str(file))
 
 
-def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, period: float) -> Iterator[Instant]:
+def _run(
+    env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, period: float, recorder: Recorder | None
+) -> Iterator[Instant]:
+    inner: Any = env.unwrapped
     observation, info = env.reset(seed=seed)
     state = None
     yield Instant(0.0, info, None)
@@ -167,10 +181,15 @@ def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, peri
             # A controller of a user's own may do anything.
             with user_errors():
                 action, state = control.predict(observation, state)
+                if recorder is not None:
+                    forces = inner.forces(action, observation)
+                    recorder.add(inner.snapshot(), (step - 1) * period, forces=forces)
                 observation, _, terminated, truncated, info = env.step(action)
             yield Instant(step * period, info, action)
             if terminated or truncated:
-                return
+                break
+        if recorder is not None:
+            recorder.add(inner.snapshot(), step * period)
 
 
 def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame, out: Path | None) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._task.arguments import Actions, as_actions, starts
 from uvms_gym._task.base import EPISODE_STEPS, TaskBase
-from uvms_gym._task.jacobians import base_actions, period_jacobians
+from uvms_gym._task.jacobians import period_jacobians
 from uvms_gym._task.options import TaskOptions
 from uvms_gym.envs.rendering import RENDER_MODES, SINGLE_MODES, Picture, Pictures, Rendering
 from uvms_gym.envs.window import Window
@@ -106,6 +106,20 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         if self._window is not None:
             self.render()
         return result
+
+    def forces(self, action: ArrayLike, observation: Observations | None = None) -> NDArray[np.float64]:
+        """Forces (f,) of an action (a,), as of `TaskVectorEnv.forces`.
+
+        Raises
+        ------
+        ValueError
+            The shape is wrong, the action is not finite, or a residual action lacks the present `observation` (d,).
+        gymnasium.error.ResetNeeded
+            There is no episode.
+        """
+        given = as_actions(action, self._action_shape)[None]
+        forces = self._forces(given, None if observation is None else observation[None])
+        return np.asarray(forces[0])
 
     def _add_requested(self, info: dict[str, Any]) -> None:
         if self.options.privileged:
@@ -283,8 +297,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         gymnasium.error.ResetNeeded
             There is no episode.
         """
-        given = as_actions(actions, (self.num_envs, *self._action_shape))
-        return self._native.forces(self._native.frames()[1], given, self._base(observations))[0]
+        return self._forces(as_actions(actions, (self.num_envs, *self._action_shape)), observations)
 
     def jacobians(
         self, actions: ArrayLike, observations: Observations | None = None
@@ -320,14 +333,6 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         """
         given = as_actions(actions, (self.num_envs, *self._action_shape))
         return period_jacobians(self._native, given, self._base(observations))
-
-    def _base(self, observations: Observations | None) -> NDArray[np.float32] | None:
-        """Actions (N, a) of the base controller, with residual actions."""
-        if self.options.action != "residual":
-            return None
-        if observations is None:
-            raise ValueError("residual actions correct a controller: give its observations (N, d)")
-        return base_actions(self._native, observations)
 
     def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
         """Sequence of N pictures, each drawn at its first access; without a render mode a warning and N times None."""

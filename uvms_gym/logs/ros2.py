@@ -62,7 +62,8 @@ class _Topic:
             if channel.stamp == "header" and not self._header:
                 raise LogError(f'{self._place}: no header; stamp = "bag" reads the times of recording')
         stamp = message.header.stamp if self._header else None
-        row: list[float | None] = [recorded * 1e-9, stamp.sec + stamp.nanosec * 1e-9 if stamp else 0.0]
+        header = (stamp.sec * 10**9 + stamp.nanosec) / 10**9 if stamp else 0.0
+        row: list[float | None] = [recorded / 10**9, header]
         for name, get in self._getters.items():
             try:
                 row.append(float(get(message)))
@@ -101,8 +102,9 @@ class _Topic:
         every = np.ones(len(rows), np.bool_)
         if not self._header or self._channel.time is not None:
             return every
-        stamped: Mask = rows[:, 1] != 0.0
-        if stamped.any():
+        # (A simulator's recording begins at 0.)
+        stamped: Mask = (rows[:, 1] != 0.0) | (rows[:, 0] == 0.0)
+        if rows[:, 1].any():
             rows[:, 0] = rows[:, 1]
             return stamped
         if self._channel.stamp == "header":
