@@ -25,7 +25,7 @@ LAYERS = (
     ),
     ("uvms_gym.rollouts",),
     ("uvms_gym",),
-    ("uvms_gym.sb3", "uvms_gym.torch", "uvms_gym.jax", "uvms_gym.identification"),
+    ("uvms_gym.ardupilot", "uvms_gym.sb3", "uvms_gym.torch", "uvms_gym.jax", "uvms_gym.identification"),
     ("uvms_gym.studies",),
     ("uvms_gym.training", "uvms_gym.viewer"),
     ("uvms_gym.cli",),

@@ -16,6 +16,7 @@ from typer import Option
 from uvms_gym import __version__
 from uvms_gym.cli import robots, ros2, scenes
 from uvms_gym.cli.accuracy import accuracy
+from uvms_gym.cli.ardupilot import ardupilot
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.common import console, held
 from uvms_gym.cli.compare import compare, verify
@@ -59,6 +60,7 @@ def _register(group: typer.Typer, *commands: Callable[..., Any], **named: Callab
 _register(app, reproduce, compare, verify, controllers, disturbances, play, train)
 _register(app, export=export_policy)
 _register(app, validate, fit, accuracy, hard_cases, bench)
+_register(app, ardupilot)
 _register(scenes_app, list=scenes.list_scenes)
 _register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate, export)
 _register(scenes_app, compose, **{"import": robots.import_robot})
