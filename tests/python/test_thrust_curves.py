@@ -38,6 +38,8 @@ def test_val_the_named_curve_is_the_published_polynomial(tmp_path: Path) -> None
     t = thrust.command[:, 0]
     pulse = 1498 + 12.01 * t - 0.04731 * t**2 - 0.002098 * t**3 + 2.251e-5 * t**4
     assert np.allclose(pulse, [1134.5, 1300.0, 1465.0, 1535.0, 1700.0, 1886.0], atol=0.01)
+    ends = command(tmp_path, {"curve": "t200"}, np.array([1100.0, 1900.0])).thrusters.command[:, 0]
+    assert ends.tolist() == [-40.0, 60.0]
     still = command(tmp_path, {"curve": "t200"}, np.array([0.0, 1470.0, 1500.0, 1530.0])).thrusters
     assert still.command[:, 0].tolist() == [0.0] * 4
 
@@ -66,6 +68,13 @@ def test_a_table_is_read_at_its_voltage(tmp_path: Path, voltage: float, low: flo
     found = command(tmp_path, {"curve": "bench.csv"}, voltage=voltage).thrusters.command[:, 0]
     expected = np.interp(PULSES, [1100, 1480, 1520, 1900], [low, 0, 0, high])
     assert np.allclose(found[:-1], expected[:-1], atol=1e-12) and found[-1] == 0.0
+
+
+def test_the_maker_publishes_tables_of_this_form(tmp_path: Path) -> None:
+    rows = "1880,27.18,34.34,42.21,49.15,55.56,61.34\n1900,28.69,36.42,44.36,51.44,59.00,65.92\n"
+    (tmp_path / "t200.csv").write_text("# N by us and V\npulse_us,10V,12V,14V,16V,18V,20V\n1500,0,0,0,0,0,0\n" + rows)
+    found = command(tmp_path, {"curve": "t200.csv"}, np.array([1880.0, 1890.0]), voltage=17.0).thrusters.command
+    assert np.allclose(found[:, 0], [(49.15 + 55.56) / 2, (49.15 + 55.56 + 51.44 + 59.0) / 4], atol=1e-12)
 
 
 def test_a_battery_that_sags_weakens_the_thrust(tmp_path: Path) -> None:
