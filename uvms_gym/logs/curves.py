@@ -85,7 +85,7 @@ def read_curve(path: Path) -> Curve:
 
 
 def _t200() -> Curve:
-    """Map `"t200"` of scenes: the inverse of the published PWM = 1498 + 12.01 T - ..., with its dead band and limits."""
+    """Map `"t200"` of scenes: the inverse of the published 1498 + 12.01 T - ..., with its dead band and limits."""
     ends = [[1100.0, -40.0], [1470.0, 0.0], [1530.0, 0.0], [1900.0, 60.0]]
     thrust = np.linspace(-40.0, 60.0, 1001)
     pulse = np.polynomial.polynomial.polyval(thrust, [1498.0, 12.01, -0.04731, -0.002098, 2.251e-5])
