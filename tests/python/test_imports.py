@@ -18,12 +18,11 @@ LAYERS = (
         "uvms_gym.controllers",
         "uvms_gym.envs",
         "uvms_gym.disturbances",
-        "uvms_gym.export",
         "uvms_gym.logs",
         "uvms_gym.planning",
         "uvms_gym.robots",
     ),
-    ("uvms_gym.rollouts",),
+    ("uvms_gym.export", "uvms_gym.rollouts"),
     ("uvms_gym",),
     (
         "uvms_gym.ardupilot",
