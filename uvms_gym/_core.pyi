@@ -332,6 +332,8 @@ class Simulator:
         """Momentum by terms: rigid, added, total (N, 6); rigid_scale, total_scale (N, 2)."""
     def body_poses(self) -> _Floats:
         """(N, n + 1, 4, 4) poses of the moving bodies in the world."""
+    def fixture_poses(self) -> _Floats:
+        """(N, F, 4, 4) poses of the fixtures in the world."""
     def end_effector_pose(self, name: str | None = None) -> _Floats:
         """(N, 4, 4) pose in the world of the end effector in use, or of this name."""
     def jacobian(self, name: str | None = None) -> _Floats:
@@ -440,6 +442,9 @@ class Renderer:
     """Width of the cells of the floor's grid, m."""
     bounding_box: Final[_Floats]
     """(2, 3) centre and edges, m, of the box about the vehicle's body, in the vehicle frame."""
+    @property
+    def spheres(self) -> list[tuple[int, list[float], float]]:
+        """Spheres of contact: number of the moving body, 0 for the vehicle, centre in its frame and radius, m."""
     def meshes(
         self,
     ) -> dict[str, tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]]:

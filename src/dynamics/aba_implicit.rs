@@ -2,7 +2,7 @@
 //!
 //! With `y = (Theta, q; V, q')` a step of linearly implicit Euler is `y + h k`. The order of the method does not depend on
 //! J. Here J is `[[0, I], [-M^-1 K, -M^-1 D]]` with symmetric D, K >= 0: secants of damping, restoring forces, friction,
-//! servos, station keeping and end stops, or bounds of them. The accelerations follow from
+//! servos, station keeping, end stops and contacts with shapes in the world, or bounds of them. The accelerations follow from
 //!
 //! ```text
 //! (M + h D + h^2 K) [V'; q''] = forces at the present rates and at the pose after a time h at these rates

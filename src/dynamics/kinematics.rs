@@ -12,6 +12,11 @@ impl ClosedForm<'_> {
         self.moving.iter().map(|&k| self.world_pose(k)).collect()
     }
 
+    /// Poses of the fixtures in the world.
+    pub fn fixture_poses(&self) -> Vec<DensePose> {
+        self.fixtures.iter().map(|form| form.world_pose(2)).collect()
+    }
+
     /// Absolute body twists of the moving bodies, vehicle first, m/s and rad/s.
     pub fn body_twists(&self) -> Vec<Vector6<f64>> {
         self.moving.iter().map(|&k| self.equations.bodies[k].twist).collect()

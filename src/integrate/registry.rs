@@ -20,8 +20,8 @@ pub struct Implicit {
     /// Rotation within a step beyond which a lane halves it, rad. Smaller than for the explicit methods: Euler's equations and
     /// other products of velocities are treated explicitly, and an oscillation then grows by `(h rate)^4 / 8` a step.
     pub max_turn: f64,
-    /// `h` times the frequency of a contact beyond which a sub-interval is divided. Smaller than for the explicit methods: contacts
-    /// are treated explicitly, by Euler's rule.
+    /// `h` times the frequency of a contact beyond which a sub-interval is divided. Smaller than for the explicit methods: bounces
+    /// lose accuracy sooner by Euler's rule, extrapolated.
     pub max_contact: f64,
     /// `h |rate|` of a joint at its end stop beyond which a lane that loses a bounce, or gains by it, halves the step. L-stable steps lose
     /// bounces that are over within a step, whatever the step: none without it.

@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use pyo3::prelude::*;
 
+use super::arrays::Array;
 use super::computation::shared;
-use super::model::{Arrays, dict};
+use super::model::{Arrays, dict, pose_rows};
 use super::simulator::Simulator;
 use uvms_gym::dynamics::Contact;
 
@@ -33,5 +34,20 @@ impl Simulator {
             Ok([depth, force, slip, vectors(|c| c.force), vectors(|c| c.point), vectors(|c| c.normal)])
         })?;
         dict(py, names, arrays)
+    }
+
+    /// Poses of the fixtures in the world, in the order of the scene.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, F, 4, 4)
+    ///     Homogeneous matrices, fixture to world, m; F is 0 in a scene without fixtures.
+    fn fixture_poses<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let this = shared(slf)?;
+        let shape = [this.inner.scene().fixtures.len(), 4, 4];
+        let poses =
+            this.each(slf.py(), [&shape], |_, form| Ok([form.fixture_poses().iter().flat_map(pose_rows).collect()]))?;
+        let [poses] = poses;
+        Ok(poses)
     }
 }

@@ -94,7 +94,7 @@ pub(super) fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
 }
 
 /// A homogeneous matrix row by row.
-fn pose_rows(pose: &DensePose) -> Vec<f64> {
+pub(super) fn pose_rows(pose: &DensePose) -> Vec<f64> {
     let mut matrix = pose.rotation.to_homogeneous();
     matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(&pose.position);
     matrix.transpose().as_slice().to_vec()

@@ -16,7 +16,9 @@ use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
 use uvms_gym::description::Scene;
-use uvms_gym::render::{self, Facet, Facets, RenderState, Settings, Vector, hull::hull, mesh::Vertex, paint::display};
+use uvms_gym::render::{
+    self, BodySphere, Facet, Facets, RenderState, Settings, Spheres, Vector, hull::hull, mesh::Vertex, paint::display,
+};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
@@ -140,6 +142,14 @@ impl Renderer {
         let (envelope, ..) = hull(&self.scene, &self.facets);
         let size = envelope.half * 2.0;
         array(py, &[2, 3], envelope.middle.iter().chain(&size).copied().map(f64::from).collect())
+    }
+
+    /// list of tuple: spheres of contact on the robot, in the order of the scene: number of the moving body, 0 for the vehicle (see
+    /// `Simulator.body_poses`), centre in its frame (x, y, z), m, and radius, m.
+    #[getter]
+    fn spheres(&self) -> Vec<(usize, [f64; 3], f64)> {
+        let spheres = Spheres::new(&self.scene).in_bodies(&self.scene);
+        spheres.into_iter().map(|BodySphere { body, center, radius }| (body, center.into(), radius)).collect()
     }
 
     /// Triangle meshes of the moving bodies, of the shapes in the world and of a dock, as `draw` draws them with joints at home.

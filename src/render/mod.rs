@@ -16,11 +16,13 @@ pub mod paint;
 pub mod raster;
 mod renderer;
 mod shadow;
+mod spheres;
 pub mod surroundings;
 mod view;
 pub use bodies::bodies;
 pub use files::{Facet, Facets};
 pub use renderer::{RenderState, Renderer, Settings};
+pub use spheres::{BodySphere, Spheres};
 
 /// Vector in single precision, relative to the focus of the camera.
 pub type Vector = nalgebra::Vector3<f32>;

@@ -16,6 +16,7 @@ use super::mesh::{Mesh, Vertex};
 use super::paint::{Water, display};
 use super::raster::{Canvas, Corner};
 use super::shadow::Shadow;
+use super::spheres::Spheres;
 use super::surroundings::{Surroundings, placed};
 use crate::description::Scene;
 use crate::error::RenderError;
@@ -130,6 +131,7 @@ pub struct Renderer {
     pub(super) envelope: Envelope,
     pub(super) surroundings: Surroundings,
     thrusters: Vec<Thruster>,
+    spheres: Spheres,
     arm: Option<ArmModel>,
     home: Vec<f64>,
     /// Centre and radius of vehicle and arm at home, in the vehicle frame.
@@ -194,6 +196,7 @@ impl Renderer {
             envelope,
             surroundings,
             thrusters,
+            spheres: Spheres::new(scene),
             arm,
             home,
             middle,
@@ -290,8 +293,8 @@ impl Renderer {
         let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
         let q = Some(q).filter(|q| q.iter().all(|q| q.abs() < FAR));
         self.surroundings.draw_fixed(&mut solid, focus);
+        let mut coordinates: Joints = [0.0; JOINTS];
         if let Some(q) = q {
-            let mut coordinates: Joints = [0.0; JOINTS];
             coordinates.iter_mut().zip(q).for_each(|(coordinate, q)| *coordinate = *q);
             for (mesh, (p, r)) in self.surroundings.fixtures().zip(self.surroundings.poses(&coordinates)) {
                 about(focus, &p, &r).into_iter().for_each(|place| solid.append(mesh, place));
@@ -301,6 +304,9 @@ impl Renderer {
             solid.append(&self.hull, &place);
             if let (Some(arm), Some(q)) = (&self.arm, q) {
                 solid.add(&place, |mesh| drop(arm.draw(mesh, q, state.payload)));
+            }
+            if q.is_some() {
+                clear.add(&place, |mesh| self.spheres.draw(mesh, &coordinates));
             }
             clear.add(place, |jets| {
                 for (thruster, thrust) in self.thrusters.iter().zip(state.thrust) {

@@ -114,11 +114,67 @@ def test_triangles_are_on_the_surfaces() -> None:
     np.testing.assert_allclose(np.minimum(np.abs(box), np.abs(tube)), 0.0, atol=1e-6)
 
 
+def with_spheres() -> dict[str, Any]:
+    scene = scene_with(SEABED)
+    wrist = {"name": "tip", "on": "wrist", "position": [0.12, 0.01, -0.02], "radius": 0.05}
+    camera = {"name": "camera", "parent": scene["arm"]["links"][0]["name"], "joint": {"kind": "fixed"}}
+    camera["joint"]["frame"] = {"position": [0.1, 0.0, 0.05], "rpy": [0.3, 0.2, 0.1]}
+    scene["arm"]["links"].append(camera)
+    lens = {"name": "lens", "on": "camera", "position": [0.02, 0.03, 0.04], "radius": 0.01}
+    skid = {"name": "skid", "on": "vehicle", "position": [0.2, 0.1, -0.25], "radius": 0.03}
+    scene["contact"]["spheres"] = [wrist, lens, skid]
+    return uvms_gym.load_scene(scene)
+
+
+def test_spheres_are_drawn_where_contact_has_them() -> None:
+    scene = with_spheres()
+    simulator, renderer = Simulator(scene), Renderer(scene)
+    q = simulator.q + np.linspace(0.1, 0.5, simulator.num_joints)
+    simulator.set_state(position=[0.1, 0.2, 0.3], q=q)
+    found, radii = simulator.contacts(), np.array([radius for *_, radius in renderer.spheres])
+    # A contact's point is the middle of the penetration.
+    arm = found["normal"][0, 0] * (0.5 * found["depth"][0, 0] - radii)[:, None]
+    poses = simulator.body_poses()[0]
+    centers = np.array([(poses[body] @ [*center, 1.0])[:3] for body, center, _ in renderer.spheres])
+    np.testing.assert_allclose(centers, found["point"][0, 0] - arm, atol=1e-12)
+
+    place = (simulator.position[0], simulator.rotation[0])
+
+    def draw(*spheres: dict[str, Any]) -> Any:
+        return Renderer({**scene, "contact": {**scene["contact"], "spheres": list(spheres)}}).draw(*place, q[0])
+
+    before, after = draw(), draw(scene["contact"]["spheres"][0])
+    moved = changed(before, after)
+    middle, edge = renderer.project(np.array([centers[0], centers[0] + [0.0, 0.0, 0.05]]), *place)[:, :2]
+    size = np.linalg.norm(edge - middle)
+    assert len(moved) > 0.5 * np.pi * size**2
+    assert np.linalg.norm(moved - middle, axis=1).max() < 1.2 * size
+    # The tool is seen through it.
+    columns, rows = moved.astype(int).T
+    assert after[rows, columns].std(axis=0).max() > 0.4 * before[rows, columns].std(axis=0).max()
+
+
+def test_poses_of_fixtures_are_those_of_their_joints() -> None:
+    simulator = Simulator(STATION, 2)
+    q = simulator.q
+    q[1, -2:] = [0.7, -0.3]
+    simulator.set_state(position=[[1.0, 2.0, 3.0]] * 2, q=q)
+    assert simulator.fixture_poses().shape == (2, 2, 4, 4)
+    turn, slide = simulator.fixture_poses()[1]
+    # The frames' z axis points to -x.
+    np.testing.assert_allclose(turn[:3, 2], [-1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turn[:3, 0], [0.0, np.sin(0.7), np.cos(0.7)], atol=1e-12)
+    np.testing.assert_allclose(turn[:3, 3], VALVE, atol=1e-12)
+    np.testing.assert_allclose(slide[:3, 3], np.add(BUTTON, [0.3, 0.0, 0.0]), atol=1e-12)
+    assert Simulator("free-body").fixture_poses().shape == (1, 0, 4, 4)
+
+
 def test_the_browser_view_shows_and_moves_them() -> None:
     viser = pytest.importorskip("viser")
     from uvms_gym.viewer.world import World
 
-    simulator = Simulator(STATION)
+    skid = {"name": "skid", "on": "vehicle", "position": [0.2, 0.1, -0.2], "radius": 0.03}
+    simulator = Simulator({**STATION, "contact": {**STATION["contact"], "spheres": [skid]}})
     server = viser.ViserServer(port=free_port(), verbose=False)
     try:
         world = World(server, simulator, (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])))
@@ -129,14 +185,17 @@ def test_the_browser_view_shows_and_moves_them() -> None:
             simulator.set_state(q=q)
             poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)[0]
             still = {"thrust": np.zeros(simulator.num_thrusters), "current": np.zeros(3), "aim": np.eye(4)}
-            shots.append({**still, "poses": poses, "q": q[0], "path": np.zeros((0, 3)), "payload": 0.0})
+            fixtures = simulator.fixture_poses()[0]
+            shots.append({**still, "poses": poses, "fixtures": fixtures, "path": np.zeros((0, 3)), "payload": 0.0})
         world.show(*shots, 1.0)
-        (_, valve), (_, button) = world._fixtures.values()
+        valve, button = world._fixtures.values()
         np.testing.assert_allclose(valve.position, VALVE, atol=1e-12)
         np.testing.assert_allclose(button.position, np.subtract(BUTTON, [0.8, 0.0, 0.0]), atol=1e-12)
         # About the frame's z axis, which points to -x.
         turn = viser.transforms.SO3(np.array(valve.wxyz)) @ viser.transforms.SO3(np.array(button.wxyz)).inverse()
         np.testing.assert_allclose(turn.log(), [-0.8, 0.0, 0.0], atol=1e-9)
-        assert {"/world/surroundings", "/world/floor"} <= set(server.scene._handle_from_node_name)
+        assert {"/world/surroundings", "/world/floor", "/world/bodies/0/spheres/0"} <= set(
+            server.scene._handle_from_node_name
+        )
     finally:
         server.stop()

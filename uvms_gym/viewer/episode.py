@@ -126,11 +126,13 @@ class LiveEpisode:
         return True
 
     def _shot(self) -> Shot:
-        """State to draw, with the `poses` (n + 2, 4, 4) of bodies and end effector, and the desired pose `aim`.
+        """State to draw, with poses in the world.
 
-        `aim` (4, 4) is the pose of the vehicle, or of the end effector where the task is its own.
+        `poses` (n + 2, 4, 4) are of bodies and end effector, `fixtures` (F, 4, 4) of the fixtures; `aim` (4, 4) is the
+        desired pose of the vehicle, or of the end effector where the task is its own.
         """
         simulator, shot = self.env.snapshot(), shots(self.env._native)
         poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)
+        fixtures = simulator.fixture_poses()
         aim = next(shot[name] for name in ("point", "dock", "target") if name in shot)
-        return {name: rows[0] for name, rows in {**shot, "poses": poses, "aim": aim}.items()}
+        return {name: rows[0] for name, rows in {**shot, "poses": poses, "fixtures": fixtures, "aim": aim}.items()}

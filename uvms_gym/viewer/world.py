@@ -17,7 +17,7 @@ from uvms_gym.viewer.episode import Target
 Floats = NDArray[np.float64]
 
 _WATER, _JET, _CURRENT, _AIM = (12, 62, 84), (255, 140, 40), (60, 170, 255), (120, 235, 160)
-_SEABED = (150, 145, 120)
+_SEABED, _SPHERE = (150, 145, 120), (56, 201, 214)
 #: Length of the arrow of the current, edges of the vehicle per m/s.
 _CURRENT_SCALE = 2.0
 #: Width from which viser puts the controls beside the picture, px.
@@ -64,13 +64,15 @@ class World:
         )
         if fixed is not None:
             api.add_glb("/world/surroundings", _glb(*fixed))
-        # Joint and object of each fixture that has shapes, by its index from the last coordinate.
-        self._fixtures: dict[int, tuple[dict[str, Any], Any]] = {}
-        for k, fixture in enumerate(fixtures := scene.get("fixtures") or []):
+        # Fixtures that have shapes, by their index.
+        self._fixtures: dict[int, Any] = {}
+        for k in range(len(scene.get("fixtures") or [])):
             if len((mesh := meshes.pop(f"fixture {k + 1}"))[0]):
-                drawn = api.add_glb(f"/world/fixtures/{k}", _glb(*mesh))
-                self._fixtures[k - len(fixtures)] = (fixture["joint"], drawn)
+                self._fixtures[k] = api.add_glb(f"/world/fixtures/{k}", _glb(*mesh))
         self._bodies = [api.add_glb(f"/world/bodies/{k}", _glb(*mesh)) for k, mesh in enumerate(meshes.values())]
+        for k, (body, center, radius) in enumerate(renderer.spheres):
+            name = f"/world/bodies/{body}/spheres/{k}"
+            api.add_icosphere(name, radius, _SPHERE, opacity=0.45, position=tuple(center))
         self._thrust = api.add_line_segments(
             "/world/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
         )
@@ -112,9 +114,9 @@ class World:
         positions, rotations = now["poses"][:, :3, 3], _quaternions(now["poses"])
         for body, position, wxyz in zip(self._bodies, positions, rotations):
             body.position, body.wxyz = position, wxyz
-        for index, (joint, fixture) in self._fixtures.items():
-            pose = _fixture_pose(joint, now["q"][index])
-            fixture.position, fixture.wxyz = pose.translation(), pose.rotation().wxyz
+        for k, fixture in self._fixtures.items():
+            pose = now["fixtures"][k]
+            fixture.position, fixture.wxyz = pose[:3, 3], _quaternions(pose)
         self._tip.position, self._tip.wxyz = positions[-1], rotations[-1]
         self._vehicle = positions[0]
         self._world.position = -positions[0] if self.follow else np.zeros(3)
@@ -165,16 +167,6 @@ def _glb(vertices: NDArray[Any], normals: NDArray[Any], colours: NDArray[Any], t
     mesh.visual = trimesh.visual.TextureVisuals(material=material)
     mesh.visual.vertex_attributes["color"] = np.round(255.0 * np.insert(colours**2, 3, 1.0, axis=1))
     return bytes(mesh.export(file_type="glb"))
-
-
-def _fixture_pose(joint: dict[str, Any], q: float) -> viser.transforms.SE3:
-    """Pose in the world of a fixture with this joint, at its coordinate, rad or m."""
-    position, rpy = np.array(joint["frame"]["position"]), joint["frame"]["rpy"]
-    way, still = q * np.array(joint["axis"]), np.zeros(3)
-    motion = [way, still] if joint["kind"] == "prismatic" else [still, way]
-    rotation = viser.transforms.SO3.from_rpy_radians(*rpy)
-    zero = viser.transforms.SE3.from_rotation_and_translation(rotation, position)
-    return zero @ viser.transforms.SE3.exp(np.concatenate(motion))
 
 
 def _quaternions(poses: Floats) -> Floats:
