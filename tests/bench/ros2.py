@@ -10,6 +10,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from uvms_gym import make_controller
 from uvms_gym.studies.records import circumstances, write_json
 
 ENV, SECONDS = "UVMS-StationKeep-Storm-v0", 20.0
+#: Time by which controllers start before the vehicle, s.
+HEAD_START = 6.0
 MEASURES = {"rms_position_error": ("mm", 1e3), "rms_attitude_error": ("mrad", 1e3)}
 
 
@@ -42,6 +45,8 @@ def through_ros(name: str, seed: int, *options: str) -> dict[str, float]:
         # The last command is on the measurement a period before the end.
         control = [*uvms, "control", *common, "--controller", name, "--seconds", f"{SECONDS - 0.1:g}", "--wait", "30"]
         with subprocess.Popen(control, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as other:
+            # The vehicle drifts until a controller comes: it waits for the vehicle.
+            time.sleep(HEAD_START)
             simulate = [*uvms, "simulate", *common, "--seconds", f"{SECONDS:g}", "--json", str(file), *options]
             subprocess.run(simulate, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:

@@ -67,10 +67,10 @@ def test_a_controller_on_measurements_acts_as_in_the_environment(
 def test_the_deadman_stops_thrusters_and_holds_joints() -> None:
     calm = {"disturbance": "calm", "arm_amplitude": 0.4}
     one = vehicle("UVMS-StationKeep-v0", **calm)
-    targets = np.linspace(0.1, 0.2, 5) + one.measurement.q
+    targets, rates = np.linspace(0.1, 0.2, 5) + one.measurement.q, np.full(5, 0.1)
     for _ in range(4):
         one.command_thrust(np.full(len(one.thrusters), 3.0))
-        one.command_joints(targets)
+        one.command_joints(targets, rates)
         one.step()
     twin = vehicle("UVMS-StationKeep-v0", **calm)
     state = one.env.get_state()
@@ -80,13 +80,14 @@ def test_the_deadman_stops_thrusters_and_holds_joints() -> None:
         one.step()
     # The last command was given one period before the first of these steps.
     assert silences == [k + 1 >= round(DEADMAN / one.period) for k in range(20)]
+    assert not one.env.episode["joint_reference_rate"].any()
     assert np.abs(one.measurement.qd).max() < 5e-3 and np.allclose(one.measurement.q, targets, atol=0.02)
     twin.env.set_state(state)
     twin.time = one.time
     for k in range(20):
         running = k + 1 < round(DEADMAN / one.period)
         twin.command_thrust(np.full(len(one.thrusters), 3.0 if running else 0.0))
-        twin.command_joints(targets)
+        twin.command_joints(targets, rates if running else ())
         twin.step()
     np.testing.assert_allclose(one.measurement.twist, twin.measurement.twist, rtol=0, atol=1e-12)
 
