@@ -18,9 +18,11 @@ try:
         integrators,
         lint_scene,
         load_scene,
+        pulse_of,
         recommend_integration,
         scene_names,
         scene_template,
+        thrust_of,
     )
 except ModuleNotFoundError as error:
     if error.name != "uvms_gym._core":
@@ -111,9 +113,11 @@ __all__ = [
     "make_controller",
     "optimize_trajectory",
     "policy_contract",
+    "pulse_of",
     "recommend_integration",
     "scene_names",
     "scene_template",
+    "thrust_of",
 ]
 
 register_envs()

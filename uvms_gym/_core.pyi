@@ -32,12 +32,14 @@ __all__ = [
     "lint_scene",
     "load_scene",
     "optimize_trajectory",
+    "pulse_of",
     "read_robot",
     "recommend_integration",
     "scene_names",
     "scene_template",
     "task_defaults",
     "tasks",
+    "thrust_of",
     "trajectory_inputs",
     "vehicle_terms",
 ]
@@ -122,6 +124,12 @@ class _Estimate(TypedDict):
 
 def estimate(outline: _Scene, *, table: str = "vehicle.body") -> _Estimate:
     """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids."""
+
+def thrust_of(pulse: ArrayLike, map: str | dict[str, Any] | None = None, voltage: ArrayLike | None = None) -> _Floats:
+    """Steady thrust of pulse widths on the bench table of a thruster, in still water."""
+
+def pulse_of(thrust: ArrayLike, map: str | dict[str, Any] | None = None, voltage: ArrayLike | None = None) -> _Floats:
+    """Pulse widths that give thrusts on the bench table of a thruster, in still water: the inverse of `thrust_of`."""
 
 def read_robot(path: str | PathLike[str]) -> dict[str, Any]:
     """A robot's file as plain data: name, source, format, notes, links, joints and thrusters."""

@@ -4,16 +4,13 @@ use toml::Value;
 
 use super::{
     Arm, Friction, Integration, Joint, JointKind, LinearActuator, MAX_JOINTS, MAX_LINKS, Scene, SceneWarning,
-    ThrustMap, Thruster, check_body, path,
+    ThrustMap, Thruster, check_body, path, thrust_table::MAX_POINTS,
 };
 use crate::error::{DescriptionError, Problem};
 use crate::keys::{Fault, check_axis, check_names, check_not_negative, none_of, normalise, range};
 
 /// Maximum magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
-
-/// Maximum number of pairs of a map from command to thrust: each evaluation visits all of them.
-const MAX_POINTS: usize = 64;
 
 /// Names of bodies outside the list of links.
 pub const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
@@ -199,6 +196,14 @@ impl Scene {
         check_names(self.vehicle.thrusters.iter().map(|t| t.name.as_str()), &[], "vehicle.thrusters")?;
         for (i, t) in self.vehicle.thrusters.iter().enumerate() {
             thruster(t, &format!("vehicle.thrusters[{i}]"))?;
+        }
+        let voltage = self.vehicle.supply_voltage();
+        range(voltage > 0.0, voltage, "> 0", || "vehicle.voltage".to_owned())?;
+        for table in self.vehicle.thrusters.iter().filter_map(|thruster| thruster.map.as_ref()?.table()) {
+            let [lower, upper] = table.voltages();
+            if !(lower <= voltage && voltage <= upper) {
+                return Err(Fault::new("vehicle.voltage", Problem::Voltage { voltage, lower, upper }));
+            }
         }
         check_not_negative("vehicle", [("thruster_lag", self.vehicle.thruster_lag.unwrap_or(0.0))])?;
         self.vehicle.check_terms()?;

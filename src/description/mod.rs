@@ -33,6 +33,7 @@ mod scene_numbers;
 mod shape;
 mod shipped;
 mod thrust_map;
+mod thrust_table;
 mod vehicle;
 mod vehicle_terms;
 mod warnings;
@@ -55,7 +56,8 @@ pub use scene::{Payload, Scene, Water};
 pub use scene_numbers::Number;
 pub use shape::{Shape, ShapeKind};
 pub use thrust_map::ThrustMap;
-pub use vehicle::{Thruster, Vehicle, VehicleServo};
+pub use thrust_table::ThrustTable;
+pub use vehicle::{Thruster, VOLTAGE, Vehicle, VehicleServo};
 pub use warnings::SceneWarning;
 
 pub use crate::terms::tables::*;

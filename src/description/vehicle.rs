@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::{Body, Fin, ForwardDamping, MeshFile, Shape, Tether, ThrustMap};
 use crate::keys::numbers;
 
+/// Supply voltage of a vehicle that states none, V: a lithium battery of four cells, well charged.
+pub const VOLTAGE: f64 = 16.0;
+
 /// Base body with its thrusters, fins and tether.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -22,6 +25,8 @@ pub struct Vehicle {
     pub thrusters: Vec<Thruster>,
     /// Time constant of every thruster without its own, s.
     pub thruster_lag: Option<f64>,
+    /// Supply voltage of the thrusters whose map is a bench table, V; 16 V by default.
+    pub voltage: Option<f64>,
     /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,
@@ -94,6 +99,11 @@ impl Vehicle {
     /// Time constant of thruster `i`, s; 0 without lag.
     pub fn lag(&self, i: usize) -> f64 {
         self.thrusters[i].lag.or(self.thruster_lag).unwrap_or(0.0)
+    }
+
+    /// Supply voltage of the thrusters, V.
+    pub fn supply_voltage(&self) -> f64 {
+        self.voltage.unwrap_or(VOLTAGE)
     }
 
     /// Sets the time constant of all thrusters, s.

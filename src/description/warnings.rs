@@ -14,6 +14,8 @@ const BUOYANT: f64 = 2.0;
 const ANGLES: [f64; 2] = [std::f64::consts::TAU, 3.0 * std::f64::consts::TAU];
 /// Distance below which two thrusters are at the same place, m, and deviation of parallel axes.
 const SAME: f64 = 1e-3;
+/// Relative deviation of a thruster's limits from its bench table, beyond which they are doubted.
+const LIMITS: f64 = 0.05;
 /// Added mass over displaced mass, beyond which it is implausible.
 const FLAT: f64 = 50.0;
 /// Distance of a link's centre of mass behind its joint over the distance to the next joint, beyond which it is implausible.
@@ -234,6 +236,24 @@ impl Scene {
                 let way = if one.axis.dot(&other.axis) > 0.0 { "same" } else { "opposite" };
                 let text = format!("has the place of '{}' and the {way} direction: stated twice?", one.name);
                 warnings.push(implausible(format!("vehicle.thrusters[{k}] ({})", other.name), text));
+            }
+        }
+        self.lint_limits(warnings);
+    }
+
+    /// Limits that the bench table of a thruster does not have at the supply voltage.
+    fn lint_limits(&self, warnings: &mut Vec<SceneWarning>) {
+        let voltage = self.vehicle.supply_voltage();
+        for (k, thruster) in self.vehicle.thrusters.iter().enumerate() {
+            let Some(table) = thruster.map.as_ref().and_then(|map| map.table()) else { continue };
+            let full = table.pulses().map(|pulse| table.thrust(pulse, voltage));
+            let differs = |(limit, full): (f64, f64)| (limit - full).abs() > LIMITS * full.abs();
+            if thruster.limits.into_iter().zip(full).any(differs) {
+                let ([lower, upper], [first, last]) = (full, table.pulses());
+                let text = format!(
+                    "{first} and {last} us give {lower:.1} and {upper:.1} N at {voltage} V: state these limits"
+                );
+                warnings.push(implausible(format!("vehicle.thrusters[{k}].limits ({})", thruster.name), text));
             }
         }
     }

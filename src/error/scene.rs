@@ -58,6 +58,9 @@ pub enum Problem {
     /// Invalid pair of limits.
     #[error("is [{lower:?}, {upper:?}], which must {rule}")]
     Limits { lower: f64, upper: f64, rule: &'static str },
+    /// Supply voltage outside of the bench table of a thruster, V.
+    #[error("is {voltage:?} V, but the bench table of a thruster has {lower:?} to {upper:?} V")]
+    Voltage { voltage: f64, lower: f64, upper: f64 },
     /// Initial joint coordinate outside the joint's limits, rad or m.
     #[error("is {home:?}, but must be within the limits [{lower:?}, {upper:?}]")]
     HomeOutside { home: f64, lower: f64, upper: f64 },

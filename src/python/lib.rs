@@ -27,6 +27,7 @@ mod stability;
 mod starts;
 mod state;
 mod task;
+mod thrusters;
 
 use pyo3::prelude::*;
 
@@ -57,6 +58,8 @@ mod core {
     use super::stability::integrators;
     #[pymodule_export]
     use super::task::{Task, task_defaults, tasks};
+    #[pymodule_export]
+    use super::thrusters::{pulse_of, thrust_of};
     use pyo3::prelude::*;
 
     #[pymodule_init]

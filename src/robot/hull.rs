@@ -6,7 +6,7 @@ use super::body::Built;
 use super::lift::fins;
 use super::merge::{Part, Rigid};
 use super::motion::{Frozen, is_propeller, says};
-use super::thrusters::{Propulsion, thrusters};
+use super::thrusters::{Propulsion, ThrusterSource, thrusters};
 use super::tree::Tree;
 use super::{InWater, RobotThruster};
 use crate::description::{Body, Frame, Shape, ShapeKind, Vehicle};
@@ -107,6 +107,10 @@ pub fn vehicle(
         body: built.body,
         thrusters,
         thruster_lag,
+        voltage: match propulsion.source {
+            ThrusterSource::Scene(scene) => scene.vehicle.voltage,
+            _ => None,
+        },
         fins,
         tether: None,
         forward_damping: built.forward,

@@ -33,15 +33,10 @@ def _toml(data: dict[str, Any]) -> str:
     return to_toml(data)
 
 
-def test_val_the_named_curve_is_the_published_polynomial(tmp_path: Path) -> None:
-    thrust = command(tmp_path, {"curve": "t200"}, np.array([1134.5, 1300.0, 1465.0, 1535.0, 1700.0, 1886.0])).thrusters
-    t = thrust.command[:, 0]
-    pulse = 1498 + 12.01 * t - 0.04731 * t**2 - 0.002098 * t**3 + 2.251e-5 * t**4
-    assert np.allclose(pulse, [1134.5, 1300.0, 1465.0, 1535.0, 1700.0, 1886.0], atol=0.01)
-    ends = command(tmp_path, {"curve": "t200"}, np.array([1100.0, 1900.0])).thrusters.command[:, 0]
-    assert ends.tolist() == [-40.0, 60.0]
-    still = command(tmp_path, {"curve": "t200"}, np.array([0.0, 1470.0, 1500.0, 1530.0])).thrusters
-    assert still.command[:, 0].tolist() == [0.0] * 4
+def test_val_the_named_curve_is_the_makers_table_at_16_volts(tmp_path: Path) -> None:
+    pulses = np.array([1100.0, 1200.0, 1400.0, 1480.0, 1520.0, 1600.0, 1700.0, 1800.0, 1900.0, 0.0])
+    thrust = command(tmp_path, {"curve": "t200"}, pulses).thrusters.command[:, 0]
+    assert np.allclose(thrust, [-39.91, -26.56, -4.72, 0.0, 0.0, 5.92, 17.88, 33.54, 51.44, 0.0], atol=1e-12)
 
 
 def test_the_named_curve_is_the_scenes_map(tmp_path: Path) -> None:
@@ -52,9 +47,8 @@ def test_the_named_curve_is_the_scenes_map(tmp_path: Path) -> None:
     pulses = np.array([1200.0, 1400.0, 1600.0, 1800.0])
     curve = command(tmp_path, {"curve": "t200"}, pulses).thrusters.command[:, 0]
     for pulse, expected in zip(pulses, curve):
-        share = (pulse - 1500.0) / (387.0 if pulse > 1500.0 else 366.0)
         thrust = np.zeros((1, 8))
-        thrust[0, 0] = share * (60.0 if pulse > 1500.0 else 40.0)
+        thrust[0, 0] = (pulse - 1500.0) / 400.0 * (51.4 if pulse > 1500.0 else 40.0)
         simulator.reset()
         simulator.step(thrust=thrust, substeps=20)
         assert np.isclose(simulator.thrust[0, 0], expected, rtol=0.0, atol=0.05)

@@ -28,4 +28,5 @@ mod spatial;
 mod stability;
 mod system;
 mod task;
+mod thrust_table;
 mod thrusters;

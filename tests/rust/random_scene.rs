@@ -209,6 +209,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         fixed,
         thrusters: thrusters.collect(),
         thruster_lag: None,
+        voltage: None,
         fins: Vec::new(),
         tether: None,
         forward_damping: (!dry && !seed.is_multiple_of(2)).then(|| Random::new(seed ^ 0xF0).forward_damping()),

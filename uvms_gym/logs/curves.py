@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym._core import thrust_of
 from uvms_gym._files import read_text
 from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.units import Floats
@@ -85,12 +86,9 @@ def read_curve(path: Path) -> Curve:
 
 
 def _t200() -> Curve:
-    """Map `"t200"` of scenes: the inverse of the published 1498 + 12.01 T - ..., with its dead band and limits."""
-    ends = [[1100.0, -40.0], [1470.0, 0.0], [1530.0, 0.0], [1900.0, 60.0]]
-    thrust = np.linspace(-40.0, 60.0, 1001)
-    pulse = np.polynomial.polynomial.polyval(thrust, [1498.0, 12.01, -0.04731, -0.002098, 2.251e-5])
-    points = [[p, t] for p, t in zip(pulse, thrust) if abs(p - 1500.0) > 30.001]
-    return curve_of(sorted(points + ends))
+    """Bench table `"t200"` of scenes at 16 V."""
+    pulses = np.arange(1100.0, 1901.0, 20.0)
+    return Curve(pulses, np.empty(0), thrust_of(pulses)[:, None])
 
 
 #: Curves by name.

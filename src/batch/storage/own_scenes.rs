@@ -39,7 +39,7 @@ impl OwnScenes {
         }
         let actuators = |scene: &Scene| {
             let vehicle = &scene.vehicle;
-            (vehicle.thrusters.clone(), vehicle.thruster_lag, vehicle.fins.clone())
+            (vehicle.thrusters.clone(), vehicle.thruster_lag, vehicle.voltage, vehicle.fins.clone())
         };
         let own_actuators = scenes.iter().any(|scene| actuators(scene) != actuators(model));
         Ok(Self { scenes, allocations, own_actuators })

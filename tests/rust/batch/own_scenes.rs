@@ -42,6 +42,7 @@ fn vary(scene: &Scene, seed: u64, gentle: bool) -> Scene {
         thruster.induced.iter_mut().for_each(|induced| vary_all(induced, random));
     }
     vary_option(&mut vehicle.thruster_lag, random);
+    vehicle.voltage = vehicle.voltage.map(|_| random.between(10.0, 20.0));
     for fin in &mut vehicle.fins {
         vary_vector(&mut fin.position, random, false);
         let numbers = [&mut fin.area, &mut fin.lift_slope, &mut fin.drag, &mut fin.induced_drag, &mut fin.plate];
@@ -180,7 +181,11 @@ fn complete(mut scene: Scene) -> Scene {
         thruster.dead_band = (i % 3 == 0).then_some(1.0);
         thruster.ambient_flow = Some(0.5);
         thruster.map = (i == 1).then(|| ThrustMap::Points(vec![[-20.0, -15.0], [0.0, 0.0], [10.0, 4.0], [20.0, 18.0]]));
+        if i == 3 {
+            thruster.map = Some(ThrustMap::T200);
+        }
     }
+    scene.vehicle.voltage = Some(16.0);
     let (chord, axis) = (Vector3::x(), Vector3::y());
     scene.vehicle.fins = vec![Fin {
         name: "tail".into(),

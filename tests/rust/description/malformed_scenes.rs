@@ -4,7 +4,9 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use toml::Value;
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
-use uvms_gym::description::{Body, Detent, Frame, Joint, JointSpring, LinearActuator, Scene, Tether, ThrustMap};
+use uvms_gym::description::{
+    Body, Detent, Frame, Joint, JointSpring, LinearActuator, Scene, Tether, ThrustMap, ThrustTable,
+};
 use uvms_gym::error::DescriptionError;
 
 fn text(name: &str) -> String {
@@ -330,7 +332,10 @@ fn everything() -> String {
     thrusters[1].map = Some(ThrustMap::Points(vec![[-40.0, -30.0], [0.0, 0.0], [60.0, 50.0]]));
     (thrusters[2].lag, thrusters[2].dead_band, thrusters[2].ambient_flow) = (Some(0.1), Some(2.0), Some(1.8));
     (thrusters[3].deduction, thrusters[3].induced) = (Some(0.1), Some([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]));
+    let bench = ThrustTable::new(vec![1100.0, 1900.0], vec![10.0, 20.0], vec![vec![0.0, 0.0], vec![20.0, 60.0]]);
+    thrusters[4].map = Some(ThrustMap::Table(bench.unwrap()));
     scene.vehicle.thruster_lag = Some(0.2);
+    scene.vehicle.voltage = Some(14.8);
     scene.vehicle.fins = Scene::shipped("remus-100").unwrap().vehicle.fins;
     let position = Vector3::new(-0.2, 0.0, 0.1);
     scene.vehicle.tether = Some(Tether { position, length: 40.0, diameter: 0.008, mass_per_length: 0.06, drag: 1.2 });

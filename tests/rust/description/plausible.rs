@@ -3,7 +3,7 @@
 use super::shipped;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use toml::Value;
-use uvms_gym::description::Scene;
+use uvms_gym::description::{Scene, ThrustMap};
 
 fn texts(scene: &Scene) -> Vec<String> {
     scene.check().unwrap();
@@ -31,7 +31,8 @@ fn slips_are_reported_by_key_and_number() {
         })
     };
     assert!(forward((0, 0), 8.0).is_empty());
-    let cases: [(&str, Vec<String>); 8] = [
+    assert!(changed(|s| s.vehicle.thrusters[7].map = Some(ThrustMap::T200)).is_empty());
+    let cases: [(&str, Vec<String>); 9] = [
         ("vehicle.body.volume: all bodies weigh 40.0000 kg", changed(|s| s.vehicle.body.mass = 40.0)),
         (
             "vehicle.body.volume: 13.5000 kg in 1.370e-5 m3 are 985401.4599 kg/m3",
@@ -49,6 +50,10 @@ fn slips_are_reported_by_key_and_number() {
         ("vehicle.body.damping: no damping in surge, sway", changed(|s| s.vehicle.body.damping = Default::default())),
         ("vehicle.forward_damping.matrix: adds energy ahead in pure sway: opposite sign?", forward((1, 1), -162.0)),
         ("vehicle.forward_damping.matrix: adds energy ahead in some motions", forward((5, 1), 1e3)),
+        (
+            "vehicle.thrusters[7].limits (vertical-rear-left): 1100 and 1900 us give -34.5 and 44.4 N at 14 V",
+            changed(|s| (s.vehicle.voltage, s.vehicle.thrusters[7].map) = (Some(14.0), Some(ThrustMap::T200))),
+        ),
     ];
     for (start, warnings) in cases {
         assert!(warnings.iter().any(|warning| warning.starts_with(start)), "{start}: {warnings:?}");

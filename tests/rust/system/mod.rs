@@ -2,4 +2,3 @@
 
 mod chains;
 mod end_effectors;
-mod propulsion;

@@ -189,13 +189,13 @@ fn reward_is_the_documented_sum() {
     assert!((metrics.reward_pose + 0.1 * (26.0f64.ln() + 0.1 / 0.3)).abs() < 1e-12);
     assert!((metrics.action_rate - 0.25 / 6.0).abs() < 1e-12);
     assert!((metrics.reward_action_rate + 0.1 * metrics.action_rate).abs() < 1e-12);
-    let squares: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).powi(2)).sum();
+    let squares: f64 = command.actuated.thrusts.iter().map(|t| (t / 51.4).powi(2)).sum();
     assert!(squares > 0.0);
     assert!((metrics.effort - squares / 8.0).abs() < 1e-12);
     assert!((metrics.reward_effort + 0.02 * metrics.effort).abs() < 1e-12);
     let terms = [metrics.reward_pose, metrics.reward_effort, metrics.reward_action_rate];
     assert!((outcome.reward - terms.iter().sum::<f64>()).abs() < 1e-15);
-    let powers: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).abs().powf(1.5)).sum();
+    let powers: f64 = command.actuated.thrusts.iter().map(|t| (t / 51.4).abs().powf(1.5)).sum();
     assert!((metrics.power - powers / 8.0).abs() < 1e-12);
     // The same action again: no change, and nothing at its limit.
     task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
