@@ -102,6 +102,7 @@ class StationKeepEnv(TaskEnv):
     | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
     | `payload` | mass that is carried for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
+    | `battery` | supply voltage that falls and sags, relative to the scene's | `charge`, `drain` (1/h), `sag` |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise, bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share of these) |
     | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
@@ -116,6 +117,8 @@ class StationKeepEnv(TaskEnv):
     its drag coefficient, `weight` its weight in water (N/m), and `stiffness` that of the taut tether, as a share of the
     maximum thrust along the weakest axis, per metre. A payload is picked up at the time `pick`, and carried for the
     time `hold`. From `time` on the thrust of a thruster falls to the share `gain` over the duration `fade`.
+    The voltage of a battery is `charge` without load at the start, loses `drain` per hour, and is lower by `sag` while
+    all thrusters are at full thrust; thrusts change by its power 1.25.
 
     `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
     is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the

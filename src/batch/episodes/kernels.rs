@@ -8,7 +8,7 @@ use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Routine, Rows, prefetch_after, transpose};
 use crate::lie::{Pose, Vector6};
 use crate::system::JOINTS;
-use crate::task::disturbance::Forcing;
+use crate::task::disturbance::{Battery, Forcing};
 use crate::task::observation::LONGEST;
 use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, TaskDefinition, TaskKernel};
 
@@ -86,11 +86,15 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
             let mut disturbing = Vector6::zero();
             if let Some(disturbance) = kernel.disturbance() {
                 let state = stage_state::<L>(layout, &physics);
+                let places = disturbance.places();
+                if let Some(at) = places.battery {
+                    Battery::load(&mut memory, at, command.actuated.power);
+                }
                 disturbance.pass_period(&mut memory, &state.pose, &state.twist, rows.current, &mut forcing);
                 for k in 0..layout.thrusters {
                     physics.set(layout.loss + k, L::c(1.0) - forcing.gains[k]);
                 }
-                if disturbance.places().thrusters.is_some() && layout.thrusters == 0 {
+                if (places.thrusters.is_some() || places.battery.is_some()) && layout.thrusters == 0 {
                     kernel.scale_thrusts(&forcing, &mut command.actuated);
                 }
                 physics.set_all(layout.current, &forcing.velocity.0);

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::arm::ArmMotion;
+use super::battery::Battery;
 use super::column::Column;
 use super::component::{Component, Draws, Forcing, Moment, Place, Ranges};
 use super::context::DisturbanceContext;
@@ -171,6 +172,8 @@ components! {
     payload: Payload,
     /// Thrusters with reduced thrust.
     thrusters: ThrusterLoss,
+    /// Battery of the thrusters.
+    battery: Battery,
     /// Motion of the arm.
     arm: ArmMotion,
     /// Noise of sensors.

@@ -5,6 +5,7 @@
 //! random numbers, so that no instance depends on another.
 
 mod arm;
+mod battery;
 mod column;
 mod component;
 mod components;
@@ -32,6 +33,7 @@ use super::random::{Purpose, Stream};
 use crate::error::TaskError;
 use crate::system::Factors;
 pub use arm::ArmMotion;
+pub use battery::Battery;
 pub use column::Column;
 pub use component::{Component, Forcing, Moment, Place};
 pub use components::{Disturbance, Places};

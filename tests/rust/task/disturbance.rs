@@ -299,6 +299,39 @@ fn thrusters_lose_what_they_should_when_they_should() {
 }
 
 #[test]
+fn a_battery_weakens_all_thrusters_with_time_and_load() {
+    let battery = json!({ "charge": 0.9, "drain": 36.0, "sag": 0.2 });
+    let weak = json!({ "gains": vec![0.5; 8], "time": 0 });
+    let mut run = Run::new(&read(json!({ "battery": battery, "thrusters": weak })), 1);
+    let at = run.kernel.places().battery.unwrap();
+    for (step, power) in [0.0, 0.0, 0.5, 1.0].into_iter().enumerate() {
+        Battery::load(&mut Rows::of_one(&mut run.numbers), at, power);
+        // 36 an hour are 0.0005 per period of 0.05 s.
+        let voltage = 0.9 - 0.0005 * step as f64 - 0.2 * power;
+        let gains = run.next().gains;
+        assert!(gains[..8].iter().all(|gain| (gain - 0.5 * voltage.powf(1.25)).abs() < 1e-12), "{step}: {gains:?}");
+    }
+    // As the bench table: from 16 to 12 V within 4 % of full thrust.
+    let table = uvms_gym::description::ThrustTable::t200();
+    for pulse in [1100.0, 1200.0, 1300.0, 1400.0, 1600.0, 1700.0, 1800.0, 1900.0] {
+        let (from, to) = (table.thrust(pulse, 16.0), table.thrust(pulse, 12.0));
+        assert!((to - from * 0.75f64.powf(1.25)).abs() < 0.04 * 28.48, "{pulse} us");
+    }
+    let mut empty = Run::new(&read(json!({ "battery": { "charge": 0.0 } })), 1);
+    assert_eq!(empty.next().gains[0], 0.0);
+    let drawn: Vec<_> = (0..50).map(|seed| Run::new(&read(json!({ "battery": true })), seed).next().gains[3]).collect();
+    assert!(drawn.iter().all(|gain| (0.85f64.powf(1.25)..1.05f64.powf(1.25)).contains(gain)));
+    for (wrong, expected) in [
+        (json!({ "charge": 2.0 }), "battery.charge"),
+        (json!({ "sag": [0.3, 0.1] }), "battery.sag"),
+        (json!({ "drain": -1.0 }), "battery.drain"),
+    ] {
+        let error = refusal(json!({ "battery": wrong }));
+        assert!(error.contains(expected) && !error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
 fn noise_has_its_deviation_and_a_bias_stays() {
     let noise = json!({ "position": 0.01, "attitude": 0.02, "joint_rate": 0.5, "bias": 2.0 });
     let mut run = Run::new(&read(json!({ "noise": noise })), 1);
