@@ -23,12 +23,40 @@ pub struct DockPdGains {
     pub approach_speed: f64,
     /// Maximum angular speed of approach, rad/s.
     pub turn_speed: f64,
+    /// Distances of the aim beyond the docking pose, forward and downward: they press the vehicle on the dock, m.
+    pub press: [f64; 2],
+    /// Maximum height of the aim in front of the dock, m.
+    pub lift: f64,
+    /// Rise of the aim with the distance in front of the dock, m/m.
+    pub glide_slope: f64,
+    /// Retreat of the aim for errors aside or downward beyond the clearance, m/m.
+    pub retreat: f64,
+    /// Error aside or downward without retreat, m.
+    pub clearance: f64,
 }
 
 impl DockPdGains {
     /// Gains of a vehicle's PD with the default speeds of approach.
     pub fn from_pd(VehicleServo { kp, kd }: VehicleServo) -> Self {
-        Self { kp, kd, approach_speed: 0.5, turn_speed: 0.3 }
+        let (lift, glide_slope, retreat, clearance) = (0.0, 0.0, 0.0, 0.0);
+        Self { kp, kd, approach_speed: 0.5, turn_speed: 0.3, press: [0.0; 2], lift, glide_slope, retreat, clearance }
+    }
+
+    /// The gains for a dock that the vehicle touches.
+    pub fn onto_cradle(self) -> Self {
+        Self { press: [0.15, 0.1], lift: 0.15, glide_slope: 0.5, retreat: 3.0, clearance: 0.05, ..self }
+    }
+
+    /// Pose error from the aim: for a vehicle in front of the dock, it lies above the docking pose, and further in front of it the
+    /// further aside the vehicle is; for a docked vehicle, it lies beyond the docking pose.
+    #[inline(always)]
+    fn aim_error(&self, mut error: [f64; 6]) -> [f64; 6] {
+        let [forward, downward] = self.press;
+        let height = (self.glide_slope * (-error[0]).max(0.0) - downward).min(self.lift);
+        error[2] -= height;
+        let aside = error[1].hypot(error[2].min(0.0));
+        error[0] += self.retreat * (aside - self.clearance).max(0.0) - forward;
+        error
     }
 }
 
@@ -45,23 +73,22 @@ impl Default for DockPdGains {
 pub struct Pd {
     indices: ObservationIndices,
     pub(super) gains: VehicleServo,
-    /// Maximum linear and angular speed of approach, m/s and rad/s.
-    speeds: Option<[f64; 2]>,
+    docking: Option<DockPdGains>,
     pub(super) actions: ActionMap,
 }
 
 impl Pd {
     /// A PD that reads observations at `indices` and gives actions of `actions`.
     pub fn new(indices: ObservationIndices, gains: VehicleServo, actions: ActionMap) -> Self {
-        Self { indices, gains, speeds: None, actions }
+        Self { indices, gains, docking: None, actions }
     }
 
-    /// PD on a clipped error: `F = -kp sat(e) - kd V_r` with the pose error e and the twist V_r relative to the dock, which
-    /// feeds the dock's velocity forward. `sat` scales the error's linear and angular parts down together where the
+    /// PD on a clipped error: `F = -kp sat(e) - kd V_r` with the pose error e from the aim and the twist V_r relative to the dock,
+    /// which feeds the dock's velocity forward. `sat` scales the error's linear and angular parts down together where the
     /// velocity at which both terms balance, `-kp e / kd`, is above the speed of approach.
     pub fn docking(indices: ObservationIndices, gains: DockPdGains, actions: ActionMap) -> Self {
-        let DockPdGains { kp, kd, approach_speed, turn_speed } = gains;
-        Self { speeds: Some([approach_speed, turn_speed]), ..Self::new(indices, VehicleServo { kp, kd }, actions) }
+        let servo = VehicleServo { kp: gains.kp, kd: gains.kd };
+        Self { docking: Some(gains), ..Self::new(indices, servo, actions) }
     }
 
     /// Pose error (m, rad) at one row of observations.
@@ -74,9 +101,11 @@ impl Pd {
     #[inline(always)]
     pub fn wrench(&self, observation: &[f32]) -> nalgebra::Vector6<f64> {
         let VehicleServo { kp, kd } = &self.gains;
-        let (error, twist) = (self.error(observation), self.indices.twist.six(observation));
+        let (mut error, twist) = (self.error(observation), self.indices.twist.six(observation));
         let mut scales = [1.0; 2];
-        if let Some(speeds) = self.speeds {
+        if let Some(docking) = &self.docking {
+            error = docking.aim_error(error);
+            let speeds = [docking.approach_speed, docking.turn_speed];
             for part in 0..2 {
                 let balance = |k: usize| if kd[k] > 0.0 { kp[k] * error[k] / kd[k] } else { 0.0 };
                 let speed = (3 * part..3 * part + 3).map(balance).map(|v| v * v).sum::<f64>().sqrt();

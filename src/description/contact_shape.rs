@@ -28,7 +28,12 @@ pub struct ContactShape {
     pub friction: Option<f64>,
     /// Slip speed, m/s.
     pub slip_speed: Option<f64>,
+    /// Red, green and blue in pictures, 0 to 1.
+    pub colour: Option<[f64; 3]>,
 }
+
+/// Prefix of the names of the shapes of a dock.
+pub const DOCK: &str = "dock";
 
 /// Kind and dimensions of a shape, about the origin of its frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +81,8 @@ struct ShapeTable {
     ramp: Option<f64>,
     friction: Option<f64>,
     slip_speed: Option<f64>,
+    #[serde(default, deserialize_with = "numbers::optional_array", skip_serializing_if = "Option::is_none")]
+    colour: Option<[f64; 3]>,
 }
 
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -126,8 +133,8 @@ impl TryFrom<ShapeTable> for ContactShape {
                 ContactGeometry::Torus { radius: number("radius", radius)?, tube: number("tube", tube)? }
             }
         };
-        let ShapeTable { name, on, frame, stiffness, dissipation, ramp, friction, slip_speed, .. } = table;
-        Ok(Self { name, on, frame, geometry, stiffness, dissipation, ramp, friction, slip_speed })
+        let ShapeTable { name, on, frame, stiffness, dissipation, ramp, friction, slip_speed, colour, .. } = table;
+        Ok(Self { name, on, frame, geometry, stiffness, dissipation, ramp, friction, slip_speed, colour })
     }
 }
 
@@ -141,8 +148,23 @@ impl From<ContactShape> for ShapeTable {
             }
             ContactGeometry::Torus { radius, tube } => (ShapeKey::Torus, None, Some(radius), None, Some(tube)),
         };
-        let ContactShape { name, on, frame, stiffness, dissipation, ramp, friction, slip_speed, .. } = shape;
-        Self { name, on, kind, frame, size, radius, length, tube, stiffness, dissipation, ramp, friction, slip_speed }
+        let ContactShape { name, on, frame, stiffness, dissipation, ramp, friction, slip_speed, colour, .. } = shape;
+        Self {
+            name,
+            on,
+            kind,
+            frame,
+            size,
+            radius,
+            length,
+            tube,
+            stiffness,
+            dissipation,
+            ramp,
+            friction,
+            slip_speed,
+            colour,
+        }
     }
 }
 
@@ -165,8 +187,11 @@ impl ContactGeometry {
 }
 
 impl ContactShape {
-    /// Checks kind and dimensions; `key` is the path of the shape.
+    /// Checks kind, dimensions and colour; `key` is the path of the shape.
     pub(super) fn check_dimensions(&self, key: &str) -> Result<(), Fault> {
+        for (i, colour) in self.colour.iter().flatten().enumerate() {
+            range((0.0..=1.0).contains(colour), *colour, "0 to 1", || format!("{key}.colour[{i}]"))?;
+        }
         let check = |name: &str, value: f64| range(value > 0.0, value, "> 0", || format!("{key}.{name}"));
         match self.geometry {
             ContactGeometry::Plane => Ok(()),

@@ -42,7 +42,7 @@ pub use actuator::LinearActuator;
 pub use arm::{Arm, Detent, Friction, Joint, JointKind, JointLimits, JointServo, JointSpring, Link, Mount, Parent};
 pub use body::{Body, Damping, InertiaPoint};
 pub use contact::{Contact, ContactLaw, Sphere};
-pub use contact_shape::{ContactGeometry, ContactShape};
+pub use contact_shape::{ContactGeometry, ContactShape, DOCK};
 pub use derived::{BASE, MAX_JOINTS, MAX_LINKS, VEHICLE, WORLD};
 pub use editor::SceneEditor;
 pub use end_effector::{DEFAULT_END_EFFECTOR, EndEffectorFrame};

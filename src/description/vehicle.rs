@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Fin, ForwardDamping, MeshFile, Shape, Tether, ThrustMap};
+use super::{Body, Fin, ForwardDamping, MeshFile, Shape, Tether, ThrustMap, Water};
 use crate::keys::numbers;
 
 /// Supply voltage of a vehicle that states none, V: a lithium battery of four cells, well charged.
@@ -94,6 +94,11 @@ impl Vehicle {
     /// Deflections of the fins without command, rad.
     pub fn deflections(&self) -> Vec<f64> {
         self.fins.iter().map(|fin| fin.deflection).collect()
+    }
+
+    /// Shape in pictures; without one the homogeneous box of the body's mass and inertia, or the cube of its volume.
+    pub fn outline(&self, water: &Water) -> Shape {
+        self.shape.clone().unwrap_or_else(|| Shape::homogeneous(&self.body, water))
     }
 
     /// Time constant of thruster `i`, s; 0 without lag.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::arm::ArmModel;
-use super::dock::dock;
+use super::dock::{dock, has_dock};
 use super::files::Facets;
 use super::hull::hull;
 use super::mesh::Mesh;
@@ -11,7 +11,7 @@ use super::surroundings::Surroundings;
 use crate::description::Scene;
 
 /// Name and mesh of each moving body of a checked scene, in its frame and in the order of their poses, then of the fixtures, of
-/// the shapes in the world, if there are any, and of the dock, in the frame of the docked vehicle. Links have their lengths at
+/// the shapes in the world, if there are any, and of the dock, in the frame of the docked vehicle: empty where the scene has shapes of a dock. Links have their lengths at
 /// home; planes are drawn about the origin as tiles of the width `cell`, m.
 pub fn bodies(scene: &Scene, facets: &Facets, cell: f64) -> Vec<(String, Mesh)> {
     let (envelope, mut vehicle, _) = hull(scene, facets);
@@ -20,7 +20,9 @@ pub fn bodies(scene: &Scene, facets: &Facets, cell: f64) -> Vec<(String, Mesh)> 
         vehicle.append(&foot, |vertex| *vertex);
     }
     let mut garage = Mesh::default();
-    dock(&mut garage, &envelope);
+    if !has_dock(scene) {
+        dock(&mut garage, &envelope);
+    }
     let links = arm.enumerate().map(|(k, link)| (format!("link {}", k + 1), link));
     let vehicle = std::iter::once(("vehicle".to_owned(), vehicle));
     let surroundings = Surroundings::new(scene, cell);

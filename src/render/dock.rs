@@ -4,6 +4,7 @@ use super::Vector;
 use super::hull::Envelope;
 use super::mesh::Mesh;
 use super::paint::Paint;
+use crate::description::{DOCK, Scene};
 
 const FLOAT: Paint = Paint::new(0xF2B51D).glossy(0.15);
 const STEEL: Paint = Paint::new(0xDDE3E6).glossy(0.3);
@@ -11,6 +12,11 @@ const BLACK: Paint = Paint::new(0x1E2227).glossy(0.1);
 const WHITE: Paint = Paint::new(0xF4F5F2).glossy(0.1);
 /// Lights of the entrance, starboard and port.
 const LIGHTS: [Paint; 2] = [Paint::new(0x3DFF6E).glowing(1.0), Paint::new(0xFF4136).glowing(1.0)];
+
+/// True for a scene with the shapes of a dock.
+pub fn has_dock(scene: &Scene) -> bool {
+    scene.contact.iter().flat_map(|contact| &contact.shapes).any(|shape| shape.name.starts_with(DOCK))
+}
 
 /// A floating garage about the docked vehicle, in the vehicle's frame: floats at its sides under three gates, a funnel at the
 /// entrance (-x), fenders and a board of markers at the end. It is open below, for an arm.

@@ -4,7 +4,7 @@ use super::Vector;
 use super::files::{Facets, drawn};
 use super::mesh::{Mesh, across};
 use super::paint::Paint;
-use crate::description::{Body, Scene, Shape, ShapeKind, Water};
+use crate::description::{Scene, ShapeKind};
 
 const DARK: Paint = Paint::new(0x2A3038).glossy(0.15);
 const METAL: Paint = Paint::new(0xB4BCC4).glossy(0.35);
@@ -40,7 +40,7 @@ pub struct Thruster {
 /// Bounding box, mesh and thrusters of a scene's vehicle, in its frame; mesh files take the place of shape and thrusters.
 pub fn hull(scene: &Scene, facets: &Facets) -> (Envelope, Mesh, Vec<Thruster>) {
     let vehicle = &scene.vehicle;
-    let shape = vehicle.shape.clone().unwrap_or_else(|| derived(&vehicle.body, &scene.water));
+    let shape = vehicle.outline(&scene.water);
     let half = single(&(shape.size * 0.5)).map(|h| h.clamp(1e-3, 1e3));
     let mut envelope = Envelope { middle: single(&shape.position), half };
     let colour = shape.colour.map(|c| (c * c) as f32);
@@ -76,22 +76,6 @@ pub fn hull(scene: &Scene, facets: &Facets) -> (Envelope, Mesh, Vec<Thruster>) {
 /// The vector in single precision.
 pub fn single(v: &nalgebra::Vector3<f64>) -> Vector {
     v.map(|x| x as f32)
-}
-
-/// Homogeneous box of this mass and inertia, or the cube of this volume.
-fn derived(body: &Body, water: &Water) -> Shape {
-    let inertia = body.inertia_about_com().diagonal();
-    let squares = (0..3).map(|k| 6.0 * (inertia.sum() - 2.0 * inertia[k]) / body.mass);
-    let squares = nalgebra::Vector3::from_iterator(squares);
-    let volume = body.displaced_volume(water);
-    let size = if squares.iter().all(|s| s.is_finite() && *s > 1e-8) {
-        squares.map(f64::sqrt)
-    } else {
-        let volume = if volume > 0.0 { volume } else { body.mass / 1000.0 };
-        nalgebra::Vector3::repeat(if volume > 0.0 { volume.cbrt() } else { 0.3 })
-    };
-    let position = if volume > 0.0 { body.center_of_buoyancy } else { body.center_of_mass };
-    Shape { kind: ShapeKind::Box, size, position, ..Shape::default() }
 }
 
 /// A box with a marked front.

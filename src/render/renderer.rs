@@ -8,7 +8,7 @@ use super::Vector;
 use super::arm::ArmModel;
 use super::backdrop::{self, Caustics, Floor};
 use super::camera::Camera;
-use super::dock::dock;
+use super::dock::{dock, has_dock};
 use super::files::Facets;
 use super::hull::{Envelope, Thruster, hull, single};
 use super::marks;
@@ -88,7 +88,7 @@ pub struct RenderState<'a> {
     pub path: &'a [Vector3<f64>],
     /// Present reference pose of the end effector.
     pub point: Option<(Vector3<f64>, Matrix3<f64>)>,
-    /// Pose of the vehicle in the dock.
+    /// Pose of the vehicle in the dock, which is a garage where the scene has no shapes of a dock.
     pub dock: Option<(Vector3<f64>, Matrix3<f64>)>,
     /// Past positions of the end effector in the world, m.
     pub trail: &'a [Vector3<f64>],
@@ -184,6 +184,9 @@ impl Renderer {
         let lowest = near.iter().map(|(shape, radius)| (shape.z - radius) as f32).fold(bounds[0].z, f32::min);
         let away = |vertex: &Vertex| (vertex.position - envelope.middle).norm();
         let dock_reach = f64::from(garage.vertices.iter().map(away).fold(0.0, f32::max));
+        if has_dock(scene) {
+            garage = Mesh::default();
+        }
         Ok(Self {
             settings: *settings,
             azimuth,

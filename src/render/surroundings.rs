@@ -65,7 +65,11 @@ impl Surroundings {
                 Some(k) => (Some(this.fixtures[k].0.pose(&scene.home())), &mut this.fixtures[k].1),
                 None => (None, &mut this.fixed),
             };
-            let paints = if fixture.is_some() { [FIXTURE, MARK] } else { [WORLD; 2] };
+            let paints = match (shape.colour, fixture) {
+                (Some(colour), _) => [Paint { colour: colour.map(|c| (c * c) as f32), ..WORLD }; 2],
+                (None, Some(_)) => [FIXTURE, MARK],
+                (None, None) => [WORLD; 2],
+            };
             mesh.add(placed(&(position, rotation)), |mesh| solid(mesh, &shape.geometry, cell as f32, paints));
             let (r, p) = to_world.unwrap_or((Matrix3::identity(), Vector3::zeros()));
             this.boxes.push(((r * position + p, r * rotation), half));

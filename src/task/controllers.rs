@@ -164,8 +164,16 @@ impl Task {
         made(ResolvedMotion::adaptive(&gains, self.tracking_indices()?, self.plant()?)?, &gains)
     }
 
+    fn docking_gains(&self, servo: VehicleServo) -> DockPdGains {
+        let gains = DockPdGains::from_pd(servo);
+        match &self.options().task {
+            TaskKind::Dock(dock) if dock.touches() => gains.onto_cradle(),
+            _ => gains,
+        }
+    }
+
     fn dock_pd(&self, given: &GainMap) -> Made {
-        let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given, 0)?;
+        let gains = merge(&self.docking_gains(self.servo(given)?), given, 0)?;
         made(Pd::docking(self.dock_indices()?, gains.clone(), self.direct_actions()?), &gains)
     }
 
@@ -180,9 +188,7 @@ impl Task {
         let (actions, servo) = (self.model().actions.clone(), self.servo(&GainMap::new()));
         Ok(Some(match self.options().task.base() {
             BaseController::Pd => Arc::new(Pd::new(self.vehicle_indices()?, servo?, actions)),
-            BaseController::DockPd => {
-                Arc::new(Pd::docking(self.dock_indices()?, DockPdGains::from_pd(servo?), actions))
-            }
+            BaseController::DockPd => Arc::new(Pd::docking(self.dock_indices()?, self.docking_gains(servo?), actions)),
             BaseController::ResolvedMotion => {
                 let plant = Plant { scene: self.scene(), actions, period: self.period() };
                 Arc::new(ResolvedMotion::new(ResolvedMotionGains::default(), self.tracking_indices()?, plant)?)

@@ -1,4 +1,4 @@
-//! Docking: the vehicle approaches a pose that sways with the waves, and holds it at low relative speed.
+//! Docking: the vehicle approaches a dock, and rests in it: a cradle that it touches, or a pose that sways with the waves.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::arm_reference;
 use super::bounds::{SPEED_BOUND, bounded_length};
+use super::contact_force::{FORCE_ROWS, contact_force, record_force};
+use super::cradle::{self, Hull};
 use super::definition::{BaseController, ControlInstant, EpisodeStart, TaskDefinition, TaskKernel};
 use super::disturbance::WaveOrbit;
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
@@ -17,9 +19,22 @@ use super::pose::Pose;
 use super::random::Stream;
 use super::reward::RewardWeights;
 use super::settings::settings;
+use crate::description::Scene;
 use crate::error::TaskError;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Real, Rows, Shared};
 use crate::lie::{self, Matrix3, Vector3, Vector6, exp_se3};
+use crate::system::{System, compile};
+
+/// Kind of dock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DockKind {
+    /// A rigid cradle at the world's origin, which the vehicle touches.
+    #[default]
+    Cradle,
+    /// A pose that moves with the waves, without contact.
+    Floating,
+}
 
 /// Motion of the arm while docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -35,6 +50,8 @@ pub enum DockArm {
 settings! {
     /// Docking.
     pub struct Dock {
+        /// Kind of dock.
+        dock: DockKind = DockKind::Cradle;
         /// Minimum initial distance from the dock, m; `start_distance` is the maximum.
         start_clearance: f64 = 2.0;
         /// Half angle of the cone in front of the dock that starts are drawn from, rad.
@@ -73,13 +90,20 @@ super::metrics::metrics! {
         time_to_dock,
         /// Relative speed at the first crossing of the capture distance, m/s; 0 before it.
         approach_speed,
+        /// Sum of the normal forces of all contacts, N.
+        contact_force,
+        /// Its maximum over the control instants so far, N.
+        peak_force,
+        /// Its integral, N s.
+        impulse,
         /// Reward term of the relative speed near the dock and of being docked.
         reward_docking,
     }
 }
 
 /// Offsets of the task's own rows: pose of the dock in still water (12) and its twist in world axes (6), duration of the
-/// hold (s), docked, any docking so far, time to the first one (s), capture so far, approach speed (m/s), reward term.
+/// hold (s), docked, any docking so far, time to the first one (s), capture so far, approach speed (m/s), reward term, record of the
+/// force.
 const REST: usize = 0;
 const MOTION: usize = 12;
 const HOLD: usize = 18;
@@ -88,22 +112,38 @@ const SUCCESS: usize = 20;
 const TIME: usize = 21;
 const APPROACH_SPEED: usize = 23;
 const REWARD: usize = 24;
-const ROWS: usize = 25;
+const FORCE: usize = 25;
+const ROWS: usize = FORCE + FORCE_ROWS;
+
+/// Sum of the normal forces above which a vehicle in a cradle counts as holding, N.
+const HOLD_FORCE: f64 = 1.0;
+/// Maximum force that counts, N.
+const FORCE_BOUND: f64 = 1e6;
 
 /// Numbers of the kernel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockKernel<T> {
     own: usize,
+    /// System of a scene with contact.
+    system: Option<System<Shared<T>>>,
     sway: T,
     heave: T,
     tilt: T,
     hold_speed: T,
+    hold_force: T,
     /// Hold time minus half a control period, s.
     hold_time: T,
     capture_distance: T,
     docked_reward: T,
     speed_weight: T,
     terminate_on_success: bool,
+}
+
+impl Dock {
+    /// True for a dock that the vehicle touches.
+    pub fn touches(&self) -> bool {
+        self.dock == DockKind::Cradle
+    }
 }
 
 impl TaskDefinition for Dock {
@@ -157,19 +197,28 @@ impl TaskDefinition for Dock {
         ])
     }
 
+    fn place(&self, scene: Scene) -> Result<Scene, TaskError> {
+        if self.touches() { cradle::place(scene) } else { Ok(scene) }
+    }
+
     fn rows(&self, model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
         let own = rows.take(ROWS);
         TaskRows { own, updated: [own + HOLD, ROWS - HOLD], ..arm_reference::rows(model, rows) }
     }
 
-    fn kernel<T: Real>(&self, options: &TaskOptions, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
+    fn kernel<T: Real>(&self, options: &TaskOptions, model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
         let number = T::from_f64;
+        let system = compile(&model.scene).system.map(|Shared(x)| Shared(number(x)));
+        // A cradle does not move.
+        let follows = |share: f64| number(if self.touches() { 0.0 } else { share });
         DockKernel {
             own: rows.task.own,
-            sway: number(self.dock_sway),
-            heave: number(self.dock_heave),
-            tilt: number(self.dock_tilt),
+            system: system.contact.is_some().then_some(system),
+            sway: follows(self.dock_sway),
+            heave: follows(self.dock_heave),
+            tilt: follows(self.dock_tilt),
             hold_speed: number(self.hold_speed),
+            hold_force: number(if self.touches() { HOLD_FORCE } else { -1.0 }),
             hold_time: number(self.hold_time - 0.5 * options.control_period()),
             capture_distance: number(self.capture_distance),
             docked_reward: number(self.docked_reward),
@@ -178,21 +227,26 @@ impl TaskDefinition for Dock {
         }
     }
 
-    /// Uniform distance within a cone in front of the dock (its -x side), facing the dock up to a heading error.
+    /// Uniform distance within a cone in front of the dock (its -x side), facing the dock up to a heading error; always in front of the
+    /// entrance of a cradle.
     fn start_pose(&self, options: &TaskOptions, model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
         let distance = draw.uniform_in(0, self.start_clearance, options.start_distance);
         let (angle, around) = (self.approach_cone * draw.uniform(1).sqrt(), TAU * draw.uniform(2));
         let (across, up) = (angle.sin() * around.cos(), angle.sin() * around.sin());
         let heading = draw.uniform_in(3, -options.start_angle, options.start_angle);
-        Pose {
-            position: target.position - target.rotation * Vector::new(angle.cos(), across, up) * distance,
-            rotation: Pose::turn(model.level[2] * heading).rotation * target.rotation,
+        let mut position = target.position - target.rotation * Vector::new(angle.cos(), across, up) * distance;
+        if self.touches() {
+            position.x = position.x.min(Hull::start(&model.scene));
         }
+        Pose { position, rotation: Pose::turn(model.level[2] * heading).rotation * target.rotation }
     }
 
     fn sample(&self, kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_>, memory: &mut Rows<'_, f64>) {
         let amplitude = if self.arm == DockArm::Moving { self.arm_amplitude } else { 0.0 };
         arm_reference::sample(kernel, start, amplitude, memory);
+        if self.touches() {
+            kernel.rows.set_target::<f64>(memory, &lie::Pose::identity());
+        }
         let target: [f64; 12] = memory.get_all(kernel.rows.target);
         memory.set_all(kernel.task.own + REST, &target);
     }
@@ -222,11 +276,17 @@ impl TaskDefinition for Dock {
     #[inline(always)]
     fn update<L: Lane>(at: &mut ControlInstant<'_, L, Self>, metrics: &Metrics<L>) -> L {
         let (task, zero, one, half) = (&at.kernel.task, L::zero(), L::c(1.0), L::c(0.5));
+        let mut force = zero;
+        if let Some(system) = &task.system {
+            force = contact_force(at, system);
+            force = record_force(at, task.own + FORCE, force, FORCE_BOUND);
+        }
         let (period, own) = (L::splat(at.kernel.period), task.own);
         let speed = bounded_length(Self::twist(at).linear, SPEED_BOUND);
         let [hold, _, success, time, captured, approach]: [L; 6] = at.memory.get_all(own + HOLD);
 
-        let holds = L::and(half.lt(metrics.success), speed.lt(L::splat(task.hold_speed)));
+        let slow = L::and(half.lt(metrics.success), speed.lt(L::splat(task.hold_speed)));
+        let holds = L::and(slow, L::splat(task.hold_force).lt(force));
         let hold = L::select(holds, hold + period, zero);
         let docked = L::select(L::and(holds, L::splat(task.hold_time).lt(hold)), one, zero);
         let time = L::select(half.lt(success), time, time + period);
@@ -253,6 +313,7 @@ impl TaskDefinition for Dock {
         dock.docked = memory.get(own + DOCKED);
         dock.time_to_dock = memory.get(own + TIME);
         dock.approach_speed = memory.get(own + APPROACH_SPEED);
+        [dock.contact_force, dock.peak_force, dock.impulse] = memory.get_all(own + FORCE);
         dock.reward_docking = memory.get(own + REWARD);
         padded(dock.to_array())
     }

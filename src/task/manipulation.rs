@@ -1,5 +1,6 @@
 //! Tasks whose tool works on a fixture: the parts that they share.
 
+use super::contact_force;
 use super::definition::{ControlInstant, TaskDefinition, TaskKernel};
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
 use super::model::TaskModel;
@@ -17,7 +18,6 @@ const MOTION: usize = 1;
 /// Rows that [`TaskDefinition::update`] changes: sum of normal forces (N), its maximum (N), its integral (N s), duration of the hold
 /// (s), success so far, time to it (s), reward term. Those of the task follow.
 pub(super) const FORCE: usize = 7;
-const PEAK: usize = 8;
 const HOLD: usize = 10;
 const SUCCESS: usize = 11;
 pub(super) const REWARD: usize = 13;
@@ -178,12 +178,7 @@ pub(super) fn read<L: Lane, K: Manipulates>(at: &ControlInstant<'_, L, K>) -> To
 /// Records the forces of a control instant.
 #[inline(always)]
 pub(super) fn record_force<L: Lane, K: Manipulates>(at: &mut ControlInstant<'_, L, K>, reading: &ToolReading<L>) {
-    let own = K::shared(&at.kernel.task).own;
-    // A force that is not finite counts as the bound.
-    let force = reading.force.min(L::c(FORCE_BOUND)).max(L::zero());
-    let [peak, impulse]: [L; 2] = at.memory.get_all(own + PEAK);
-    let impulse = force.mul_add(L::splat(at.kernel.period), impulse);
-    at.memory.set_all(own + FORCE, &[force, peak.max(force), impulse]);
+    contact_force::record_force(at, K::shared(&at.kernel.task).own + FORCE, reading.force, FORCE_BOUND);
 }
 
 /// Records and returns the duration for which `holds` has been true, s.

@@ -7,7 +7,9 @@
 mod arm_reference;
 mod bounds;
 mod button;
+mod contact_force;
 mod controllers;
+mod cradle;
 mod definition;
 pub mod disturbance;
 mod dock;
@@ -42,7 +44,7 @@ mod workplace;
 pub use button::Button;
 pub use controllers::ControllerKind;
 pub use definition::{BaseController, ControlInstant, Frame, TaskDefinition, TaskKernel};
-pub use dock::{Dock, DockArm};
+pub use dock::{Dock, DockArm, DockKind};
 pub use ee_track::{EETrack, Preview};
 pub use episode::{Episode, EpisodeRows};
 pub use gradient::{Acted, Evaluated, GradientWidths, TaskGradient};

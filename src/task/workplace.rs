@@ -107,6 +107,7 @@ impl Workplace {
                 ramp: Some(law.ramp),
                 friction: Some(law.friction),
                 slip_speed: Some(SLIP_SPEED),
+                colour: None,
             });
         };
         add(WORLD, format!("{name}-panel"), at, ContactGeometry::Box { size });

@@ -171,7 +171,7 @@ def test_options_set_state_target_and_current_and_stay_the_callers(task):
         np.testing.assert_array_equal(given, [options[name]])
     np.testing.assert_allclose(simulator.quaternion, [options["attitude"]], atol=1e-15)
     np.testing.assert_array_equal(episode["current"], [options["current"]])
-    if "StationKeep" in task or "Dock" in task:  # whose target is not a reference from home on
+    if "StationKeep" in task:  # whose target is neither a dock in the world nor a reference from home on
         np.testing.assert_array_equal(episode["target_position"], [options["target_position"]])
     assert (info["current_x"], info["current_y"], info["current_z"]) == (0.0, 0.2, 0.0)
     if "StationKeep" in task:

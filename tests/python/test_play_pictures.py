@@ -68,7 +68,7 @@ def test_a_dock_is_seen_from_the_start(scene: str) -> None:
     env: Any = gym.make("UVMS-Dock-v0", scene=scene, render_mode="rgb_array")
     env.reset(seed=3)
     shot = {name: rows[0] for name, rows in shots(env.unwrapped._native).items()}
-    picture, renderer = env.render(), Renderer(scene)
+    picture, renderer = env.render(), Renderer(env.unwrapped.snapshot().scene)
     assert (picture == renderer.draw(**shot)).all()
     place = {name: shot[name] for name in ("position", "rotation", "dock")}
     x, y, _ = renderer.project([shot["dock"][:3, 3]], **place)[0]

@@ -199,7 +199,7 @@ def given_options(controller: str, env: Any, given: dict[str, Any]) -> dict[str,
 def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:
     """Options that matter to a controller, of an environment or as given; `more` of them to some."""
     common = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", "end_effector")
-    matters = (*common, "observe_fixture", "observe_force", *more)
+    matters = (*common, "dock", "observe_fixture", "observe_force", *more)
     return {key: value for key, value in given_options(controller, env, given).items() if key in matters}
 
 

@@ -89,9 +89,15 @@ class PDRestoring(ClassicalController):
 class DockPD(ClassicalController):
     """PD for `UVMS-Dock` with a limited approach speed, `F = -kp sat(e) - kd V_r`, from observations only.
 
-    It reads the pose error e and the twist V_r relative to the dock, which feeds the dock's velocity forward. `sat`
+    It reads the pose error and the twist V_r relative to the dock, which feeds the dock's velocity forward. `sat`
     scales the linear and the angular part of e down together where the velocity at which both terms balance,
     `-kp e / kd`, exceeds the approach speed. The arm's servos hold the arm.
+
+    e is the pose error from an aim. For a dock with contact the aim of a vehicle at the distance x in front of the
+    dock is `min(lift, glide_slope x - press[1])` above the docking pose and `press[0]` beyond it, so the vehicle comes
+    down into the dock and is pressed on it. Where the vehicle is aside of the aim or below it by more than the
+    clearance, the aim retreats, by `retreat` times the rest. These gains are 0 for a floating dock, where e is the pose
+    error.
 
     Parameters
     ----------
@@ -103,6 +109,16 @@ class DockPD(ClassicalController):
         Maximum speed of approach, m/s. 0.5 by default.
     turn_speed : float or None
         Maximum angular speed of approach, rad/s. 0.3 by default.
+    press : array_like (2,) or None
+        Distances of the aim beyond the docking pose, forward and downward, m. 0.15 and 0.1 by default.
+    lift : float or None
+        Maximum height of the aim above the docking pose, m. 0.15 by default.
+    glide_slope : float or None
+        Rise of the aim with the distance in front of the dock, m/m. 0.5 by default.
+    retreat : float or None
+        Retreat of the aim with the error aside or downward beyond the clearance, m/m. 3 by default.
+    clearance : float or None
+        Error aside or downward without retreat, m. 0.05 by default.
     """
 
     kind = "dock-pd"

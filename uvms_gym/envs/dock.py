@@ -15,6 +15,9 @@ class DockOptions(TaskOptions, task="dock"):
 
     Attributes
     ----------
+    dock : {"cradle", "floating"}
+        "cradle": a rigid dock at the world origin, which the vehicle touches; it does not move with the waves.
+        "floating": a pose that moves with the waves, without contact.
     start_clearance : float
         Minimum initial distance from the dock, m, in [0, start_distance]; `start_distance` is the maximum.
     approach_cone : float
@@ -45,6 +48,7 @@ class DockOptions(TaskOptions, task="dock"):
 
     start_distance: float = 5.0
     start_angle: float = 0.3
+    dock: Literal["cradle", "floating"] = "cradle"
     start_clearance: float = 2.0
     approach_cone: float = 0.4
     arm: Literal["stowed", "moving"] = "stowed"
@@ -61,14 +65,21 @@ class DockOptions(TaskOptions, task="dock"):
 
 
 class DockEnv(TaskEnv):
-    """Approach a dock that sways with the waves, and stay in it at low relative speed.
+    """Approach a dock, and come to rest in it: a cradle that the vehicle touches, or a pose that sways with the waves.
 
     ## Description
-    A free-floating vehicle with or without an arm starts 2 to 5 m in front of a dock on a moored platform. It is docked
-    once it has stayed within the tolerances of the docking pose, at low speed relative to the dock, for the hold time.
-    The dock follows a share of the water's motion in the waves, and tilts with their slope; without waves it does not
-    move. The arm is stowed, or follows references under its servos. A steady current of random strength and
-    direction, or any other disturbance, acts on the vehicle. The physics is `uvms_gym.Simulator`.
+    A free-floating vehicle with or without an arm starts 2 to 5 m in front of a dock. It is docked once it has stayed
+    within the tolerances of the docking pose, at low speed relative to the dock, for the hold time. The arm is stowed,
+    or follows references under its servos. A steady current of random strength and direction, or any other disturbance,
+    acts on the vehicle. The physics is `uvms_gym.Simulator`.
+
+    With `dock="cradle"` the dock is rigid and can be touched: two tilted planks carry the lower edges of the hull and
+    open at the entrance, and two posts stop it at the end. The vehicle touches it with the contact spheres that the
+    scene has on the vehicle, or with spheres at the corners of its outline. It is docked only while the
+    contact force is above 1 N.
+
+    With `dock="floating"` the dock is a pose on a moored platform, without contact. It follows a share of the water's
+    motion in the waves, and tilts with their slope; without waves it does not move.
 
     ## Action Space
     The action space of `StationKeepEnv`. With `action="residual"` the action is a correction to the action of
@@ -115,8 +126,10 @@ class DockEnv(TaskEnv):
 
     ## Starting State
     The vehicle is at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about the dock's -x axis. Its
-    attitude is the dock's but for a heading error of up to 0.3 rad, and joints are at home. In still water
-    the docking pose is the target pose of the episode (by default the world origin, level).
+    attitude is the dock's but for a heading error of up to 0.3 rad, and joints are at home. A cradle is at
+    the world origin, level, and the vehicle starts in front of its entrance, so large vehicles start further away. The
+    docking pose in a floating dock is, in still water, the target pose of the episode (by default the world origin,
+    level).
 
     ## Episode End
     Termination: the run diverges, that is, the vehicle is 10 m from the dock, moves at 10 m/s or turns at 20 rad/s, or
@@ -127,13 +140,15 @@ class DockEnv(TaskEnv):
     The same keys as in `StationKeepEnv`. `success` is 1 from the first docking on, whether or not the vehicle stays
     docked; `mean_success` is its mean, and `recovery_time` the duration for which `success` was 0. In addition
     `docked` (1 while docked), `time_to_dock` (s until the first docking; before it the time so far), `approach_speed`
-    (relative speed at the first crossing of `capture_distance`, m/s; 0 before it) and `reward_docking` (the reward's
-    terms for relative speed and for being docked).
+    (relative speed at the first crossing of `capture_distance`, m/s; 0 before it), `contact_force` (sum of the normal
+    forces of all contacts, N), `peak_force` (its maximum over the control instants so far, N), `impulse` (its integral,
+    N s) and `reward_docking` (the reward's terms for relative speed and for being docked). Forces are evaluated at
+    control instants with the scene's nominal numbers.
 
     ## Arguments
     `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as in `StationKeepEnv`.
     `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are the
-    docking pose in still water.
+    docking pose in still water. A cradle does not move: there they change only where the vehicle starts.
 
     `UVMS-Dock-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
     `action_rate` at 0.2.

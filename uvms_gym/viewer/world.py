@@ -89,7 +89,7 @@ class World:
         self._above, self._arrow = np.array([0.0, 0.0, 0.5 * size[2] + 0.3 * reach]), _CURRENT_SCALE * reach
         self._aim: Any = (
             api.add_glb("/world/aim", _glb(*aim))
-            if dock
+            if dock and len(aim[0])
             else api.add_line_segments("/world/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
         )
         self._axes = api.add_frame(

@@ -289,6 +289,7 @@ fn spheres_start_where_the_kernel_has_their_bodies() {
                 ramp: None,
                 friction: None,
                 slip_speed: None,
+                colour: None,
             };
             scene.contact = Some(Contact { spheres: vec![sphere.clone()], shapes: vec![shape], ..Contact::default() });
             scene.lint().iter().any(|warning| warning.to_string().contains("inside the shape 'box'"))
