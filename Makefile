@@ -42,6 +42,8 @@ lint: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## rustfmt, clippy, ruff, mypy
 pictures: $(VENV)/wheel $(VENV)/test ## pictures of README.md and docs that take seconds, into .github
 	cd .github && PATH="$(abspath $(BIN)):$$PATH" && \
 	uvms play --env UVMS-StationKeep-Storm-v0 --controller dob --seconds 4.8 --seed 3 --size 480x360 --fps 10 --out storm.gif && \
+	uvms play --env UVMS-Valve-v0 --scene bluerov2-heavy-alpha5-tool --env-kwargs contract:grasp --env-kwargs torque:0.3 \
+	--controller resolved-dob --seconds 31 --size 360x270 --fps 3 --camera=-75,2,0.95 --out valve.gif && \
 	uvms play --seconds 6 --seed 3 --size 800x600 --out station-keep.png && \
 	uvms play --disturbance storm --seed 3 --plot storm.png && \
 	uvms disturbances --out ../$(OUT)/disturbances && cp ../$(OUT)/disturbances/shapes.png disturbances.png && \
