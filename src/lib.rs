@@ -40,6 +40,7 @@
 //! optimize      box-constrained differential dynamic programming
 //! control       thruster allocation, actuation, controllers, observers, neural networks
 //! task          tasks: episodes, disturbances, observation, reward, metrics
+//! sensors       IMU, DVL, depth, heading and acoustic fixes from the motion
 //! batch         blocks of lanes, threads, closed loops
 //! planning      trajectory optimisation on the steps of a simulator
 //! python        the Python module: a crate above this one
@@ -66,6 +67,7 @@ pub mod optimize;
 pub mod planning;
 pub mod render;
 pub mod robot;
+pub mod sensors;
 pub mod spatial;
 pub mod system;
 pub mod task;

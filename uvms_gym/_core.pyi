@@ -17,6 +17,7 @@ __all__ = [
     "Renderer",
     "Rollout",
     "SceneError",
+    "Sensors",
     "Simulator",
     "StepWarning",
     "Task",
@@ -163,6 +164,36 @@ def optimize_trajectory(
 ) -> dict[str, Any]: ...
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
+
+@final
+class Sensors:
+    """Sensors on the vehicles of a simulator: IMU, DVL, depth, heading and acoustic position fixes.
+
+    `suite` has the sensors by name with the settings that differ from their defaults, or True; or names; None: all.
+    Instance i draws its noise as a single instance with the seed `seed + i`.
+    """
+    def __new__(
+        cls, simulator: Simulator, suite: Mapping[str, Any] | Sequence[str] | None = None, *, seed: int = 0
+    ) -> Sensors: ...
+    @property
+    def num_envs(self) -> int:
+        """Number of instances N."""
+
+    @property
+    def suite(self) -> dict[str, dict[str, Any]]:
+        """All settings of the sensors, by name."""
+
+    def reset(self, seed: int | None = None, mask: ArrayLike | None = None) -> None:
+        """Start a new episode of all instances, or of those in `mask` (N,): new biases, no samples on their way."""
+
+    def fail(self, name: str, failed: bool = True, mask: ArrayLike | None = None) -> None:
+        """Let a sensor fail or work again, of all instances or of those in `mask` (N,)."""
+
+    def measure(self, simulator: Simulator) -> dict[str, Any]:
+        """Sample the present motion; readings that have arrived: `valid`, `time` and values by sensor."""
+
+    def biases(self) -> dict[str, _Floats]:
+        """Biases now: "imu" (N, 6), m/s2 and rad/s; "depth" (N, 1), m; "heading" (N, 1), rad."""
 
 @final
 class Simulator:

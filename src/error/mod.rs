@@ -9,6 +9,7 @@ mod planning;
 mod policy;
 mod render;
 mod scene;
+mod sensors;
 mod simulator;
 mod task;
 
@@ -19,5 +20,6 @@ pub use planning::PlanningError;
 pub use policy::PolicyError;
 pub use render::RenderError;
 pub use scene::{DescriptionError, Numbers, Problem};
+pub use sensors::SensorError;
 pub use simulator::SimulatorError;
 pub use task::TaskError;

@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyMemoryError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
 use uvms_gym::error::{
-    ControlError, DescriptionError, DynamicsError, OutOfMemory, PlanningError, PolicyError, RenderError,
+    ControlError, DescriptionError, DynamicsError, OutOfMemory, PlanningError, PolicyError, RenderError, SensorError,
     SimulatorError, TaskError,
 };
 
@@ -59,7 +59,7 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(DynamicsError, ControlError, PolicyError, RenderError);
+value_errors!(DynamicsError, ControlError, PolicyError, RenderError, SensorError);
 
 impl IntoPyErr for OutOfMemory {
     fn into_py_err(self) -> PyErr {

@@ -22,6 +22,7 @@ mod renderer;
 mod robots;
 mod rollout;
 mod scene;
+mod sensors;
 mod simulator;
 mod stability;
 mod starts;
@@ -52,6 +53,8 @@ mod core {
     use super::rollout::Rollout;
     #[pymodule_export]
     use super::scene::{arm_names, load_scene, scene_names, vehicle_terms};
+    #[pymodule_export]
+    use super::sensors::Sensors;
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]

@@ -34,7 +34,7 @@ mod reward;
 mod scalar;
 mod scene_draws;
 mod scene_task;
-mod settings;
+pub(crate) mod settings;
 mod start;
 mod station_keep;
 mod tool_path;
