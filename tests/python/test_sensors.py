@@ -92,7 +92,7 @@ def test_bottom_lock_ends_with_altitude_and_tilt() -> None:
     sim = Simulator("bluerov2-heavy", 3)
     sensors = Sensors(sim, quiet(dvl={"maximum_range": 8.0}))
     rotations = np.stack([np.eye(3), np.eye(3), turned("x", 1.4)])
-    sim.set_state(position=[[0, 0, -5], [0, 0, -1], [0, 0, -9.0]], rotation=rotations)
+    sim.set_state(position=[[0.0, 0.0, -5.0], [0.0, 0.0, -1.0], [0.0, 0.0, -9.0]], rotation=rotations)
     dvl = sensors.measure(sim)["dvl"]
     assert dvl["valid"].tolist() == [True, False, True]
     assert np.isfinite(dvl["velocity"]).all(axis=1).tolist() == [True, False, False]
