@@ -17,14 +17,14 @@ gravity = [0.0, 0.0, -9.81]
 name = "BlueROV2 Heavy"
 axes = "ned"
 thrusters = [
-    { name = "front-right", position = [0.14, 0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 60.0] },
-    { name = "front-left", position = [0.14, -0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 60.0] },
-    { name = "rear-right", position = [-0.15, 0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 60.0] },
-    { name = "rear-left", position = [-0.15, -0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 60.0] },
-    { name = "vertical-front-right", position = [0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
-    { name = "vertical-front-left", position = [0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
-    { name = "vertical-rear-right", position = [-0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
-    { name = "vertical-rear-left", position = [-0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 60.0] },
+    { name = "front-right", position = [0.14, 0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 51.4] },
+    { name = "front-left", position = [0.14, -0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 51.4] },
+    { name = "rear-right", position = [-0.15, 0.092, 0.0], axis = [1.0, 1.0, 0.0], limits = [-40.0, 51.4] },
+    { name = "rear-left", position = [-0.15, -0.092, 0.0], axis = [1.0, -1.0, 0.0], limits = [-40.0, 51.4] },
+    { name = "vertical-front-right", position = [0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 51.4] },
+    { name = "vertical-front-left", position = [0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 51.4] },
+    { name = "vertical-rear-right", position = [-0.118, 0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 51.4] },
+    { name = "vertical-rear-left", position = [-0.118, -0.215, -0.064], axis = [0.0, 0.0, -1.0], limits = [-40.0, 51.4] },
 ]
 [vehicle.body]
 mass = 13.5
