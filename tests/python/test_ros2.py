@@ -141,6 +141,7 @@ def test_a_reset_begins_controller_and_vehicle_anew(open_session: Any) -> None:
     acting.join()
     assert simulator.vehicle.episode == 1
     assert node.commands > 120  # Those before the reset, then 100.
+    assert node.observer.env.episode["step"].tolist() == [100]  # References and memory begin anew.
     assert simulator.vehicle.info["rms_position_error"] < 0.1
 
 
