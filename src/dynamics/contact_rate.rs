@@ -8,8 +8,8 @@ use crate::lane::{Lane, Param, Routine};
 /// `h` times the frequency of all contacts that touch within a step of size `h` together, at most: 0 in lanes where nothing touches. The
 /// rate at which friction and dissipation slow them counts with a share, as explicit methods are stable there for larger steps than
 /// accurate ones of an oscillation. Spheres of a body act on the same motion: their stiffnesses and rates add up, but to no more than
-/// if each had the maximum of them and all touched. Linearly implicit steps are stable on shapes in the world at any size: there spheres
-/// count by their speed.
+/// if each had the maximum of them and all touched. Linearly implicit steps are stable at rest on shapes in the world at any size: there only
+/// bounces count.
 pub struct ContactRate<'a, L, P, B> {
     /// Place and motion at the start of the step.
     pub at: ContactWrenches<'a, L, P, B>,
@@ -22,9 +22,8 @@ pub struct ContactRate<'a, L, P, B> {
 /// Share with which rates of decay count.
 const DECAY: f64 = 1.0 / 6.0;
 
-/// Speed of a sphere below which linearly implicit steps resolve its contacts with the world less, m/s: they are stable there at any size,
-/// and neither bounce nor stop of such a motion matters.
-const QUIET: f64 = 0.01;
+/// Normal speed, m/s, of which linearly implicit steps may lose the bounce: they are stable at rest at any size.
+const LOST_SPEED: f64 = 0.01;
 
 /// Acceleration for which the reach of spheres within a step leaves room, m/s2.
 const ACCELERATION: f64 = 10.0;
@@ -58,9 +57,8 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
                 let touches = L::select(distance.lt(reach), L::c(1.0), zero);
                 let mut loads = [shape.law.stiffness.get(), shape.law.dissipation.get().mul_add(elastic, slip)];
                 if step_at(shape, *implicit).is_some() {
-                    let square = v.dot(v);
-                    let share = square / (square + L::c(QUIET * QUIET));
-                    loads = [loads[0] * share, loads[1] * share];
+                    let square = rate * rate;
+                    loads = [loads[0] * (square / (square + L::c(LOST_SPEED * LOST_SPEED))), zero];
                 }
                 for k in 0..2 {
                     let load = touches * loads[k];
