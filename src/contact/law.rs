@@ -31,9 +31,6 @@ numbers! {
     }
 }
 
-/// Advance over the ramp that counts as short.
-const SHORT: f64 = 1e-3;
-
 impl<P: Copy> Law<P> {
     /// s, m.
     #[inline(always)]
@@ -46,21 +43,6 @@ impl<P: Copy> Law<P> {
         let share = on_ramp / e;
         let ramp = on_ramp * share * share * share.mul_add(L::c(-0.5), L::c(1.0));
         ramp + (depth.max(e) - e)
-    }
-
-    /// Mean slope of s over an advance from a depth.
-    #[inline(always)]
-    pub fn mean_slope<L: Lane>(&self, depth: L, advance: L) -> L
-    where
-        P: Param<L>,
-    {
-        let (e, one): (L, L) = (self.ramp.get(), L::c(1.0));
-        // Of a short advance the slope at its middle: the quotient would be of rounding errors.
-        let short = advance.abs().lt(e * L::c(SHORT));
-        let share = L::c(0.5).mul_add(advance, depth).max(L::zero()).min(e) / e;
-        let middle = share * share * share.mul_add(L::c(-2.0), L::c(3.0));
-        let change = self.effective_depth(depth + advance) - self.effective_depth(depth);
-        L::select(short, middle, change / L::select(short, one, advance))
     }
 
     /// f, N, at a depth that grows at this rate.

@@ -4,7 +4,7 @@ mod force;
 mod geometry;
 mod law;
 
-pub use force::{ContactForce, ContactStep, RelativeMotion, Resistance, contact_force, contact_force_adjoint};
+pub use force::{ContactForce, RelativeMotion, contact_force, contact_force_adjoint};
 pub use geometry::{Distance, Geometry};
 pub use law::Law;
 

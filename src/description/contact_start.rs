@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, UnitQuaternion};
 
 use super::warnings::implausible;
-use super::{Body, ContactShape, Frame, Integration, Joint, JointKind, Parent, Scene, SceneWarning, Sphere, WORLD};
+use super::{Body, ContactShape, Frame, Joint, JointKind, Parent, Scene, SceneWarning, Sphere};
 
 /// Step times the natural frequency of contact, beyond which `mk4` is unstable.
 const STABLE: f64 = 2.8;
@@ -62,10 +62,7 @@ impl Scene {
     /// Spheres inside shapes at the start, and contact too stiff for the step.
     pub(super) fn lint_contact(&self, warnings: &mut Vec<SceneWarning>) {
         let Some(contact) = &self.contact else { return };
-        let Integration { integrator, step } = self.integration();
-        // The linearly implicit methods solve contacts with shapes in the world.
-        let implicit = matches!(integrator.as_str(), "ros2" | "ros3");
-        let limits = |shape: &&ContactShape| !(implicit && shape.on == WORLD);
+        let step = self.integration().step;
         let shapes: Vec<_> = contact.shapes.iter().map(|shape| (shape, self.shape_pose(shape).inverse())).collect();
         for (i, sphere) in contact.spheres.iter().enumerate() {
             let key = format!("contact.spheres[{i}] ({})", sphere.name);
@@ -81,8 +78,7 @@ impl Scene {
                     warnings.push(implausible(key.clone(), text));
                 }
             }
-            let stiffest =
-                contact.shapes.iter().filter(limits).map(|shape| contact.law(shape).stiffness).fold(0.0, f64::max);
+            let stiffest = contact.shapes.iter().map(|shape| contact.law(shape).stiffness).fold(0.0, f64::max);
             let Some(body) = self.robot_body(body) else { continue };
             let mass = body.mass + (0..3).map(|k| body.added_mass[(k, k)]).fold(f64::INFINITY, f64::min);
             let maximum = STABLE * (mass / stiffest).sqrt();

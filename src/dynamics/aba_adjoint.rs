@@ -70,7 +70,7 @@ impl<L: Lane> InstantCotangents<L> {
 pub struct AdjointScratch<L> {
     /// Working memory of the passes.
     pub scratch: Scratch<L>,
-    pub(super) acceleration: [Vector6<L>; JOINTS],
+    acceleration: [Vector6<L>; JOINTS],
     pub(super) dual: [Vector6<L>; JOINTS],
     mu: [L; JOINTS],
     force: [Vector6<L>; JOINTS],
@@ -193,11 +193,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
             cold_path();
             branches.take(i + 1, &mut I_children, &mut P_children);
         }
-        let mut I_A = effective_inertia::<L, IMPLICIT>(&joint.body, h, link.V, link.g).plus(&I_children);
-        if IMPLICIT && system.contact.is_some() {
-            cold_path();
-            I_A.add(&contact.resistance[i]);
-        }
+        let I_A = effective_inertia::<L, IMPLICIT>(&joint.body, h, link.V, link.g).plus(&I_children);
         let U = if joint.is_prismatic() { I_A.column::<2>() } else { I_A.column::<5>() };
         let mut D = along(joint, U);
         if let Some(J) = joint.rotor_inertia {
@@ -223,10 +219,6 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
     let mut dual = Vector6::zero();
     if !system.fixed {
         let mut I_A = effective_inertia::<L, IMPLICIT>(&system.vehicle, h, twist, gravity).plus(&I_children);
-        if IMPLICIT && system.contact.is_some() {
-            cold_path();
-            I_A.add(&contact.vehicle_resistance);
-        }
         if let (true, true, Some(gains)) = (IMPLICIT, step.vehicle_servo, &system.vehicle_servo) {
             unroll!(i in 0 1 2 3 4 5 => {
                 I_A.add_diagonal(i, gains.kp[i].mul_add(h, gains.kd[i]) * h);
@@ -259,12 +251,6 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         }
         memory.of_twist[i] = of.of_twist;
         memory.of_acceleration[i] = of.of_acceleration;
-        if IMPLICIT && system.contact.is_some() {
-            cold_path();
-            let resistance = &contact.resistance[i];
-            memory.force[i] = memory.force[i] + resistance.apply(at.acceleration);
-            memory.of_acceleration[i] = memory.of_acceleration[i] + resistance.apply(dual);
-        }
         memory.of_gravity[i] = of.of_gravity;
         if let Some((parts, of)) = &mut factors
             && let Some(parts) = parts.get(i + 1)

@@ -94,14 +94,13 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
     for i in (0..joints.len()).rev() {
         let (joint, link) = (&joints[i], &mut links[i]);
-        let (mut I, mut p) = effective(&joint.body, h, link.V, link.g);
+        let (I, mut p) = effective(&joint.body, h, link.V, link.g);
         if loads.on_links {
             p = p - loads.links[i];
         }
         if system.contact.is_some() {
             cold_path();
             p = p - contact.links[i];
-            I.add(&contact.resistance[i]);
         }
         if joint.branch.forks {
             cold_path();
@@ -132,10 +131,6 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     } else {
         let (I, p) = effective(&system.vehicle, h, twist, gravity);
         let mut I_A = I.plus(&I_children);
-        if system.contact.is_some() {
-            cold_path();
-            I_A.add(&contact.vehicle_resistance);
-        }
         let mut force = (wrench - (p + p_children)).to_array();
         if let (true, Some(gains)) = (vehicle_servo, &system.vehicle_servo) {
             let rate = twist.to_array();

@@ -5,11 +5,10 @@ use std::hint::cold_path;
 use super::aba::Scratch;
 use super::branches::at_carrier;
 use super::link::{LinkScratch, add_joint_rate, joint_screws};
-use super::place::{Place, WaterFrame};
-use crate::contact::{ContactForce, ContactTerms, RelativeMotion, Resistance, ShapeTerms, SphereTerms, contact_force};
+use super::place::Place;
+use crate::contact::{ContactTerms, Distance, RelativeMotion, ShapeTerms, SphereTerms, contact_force};
 use crate::lane::{Lane, Param, Routine, get_all};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3};
-use crate::spatial::SpatialInertia;
 use crate::system::{JOINTS, JointScrew, JointTerms, System, WORLD};
 
 /// Places and motion of the bodies in the world, and the wrenches of contacts on them.
@@ -21,24 +20,13 @@ pub struct ContactScratch<L> {
     pub vehicle: Vector6<L>,
     /// Wrench on each link, in its joint's frame, N and N m.
     pub links: [Vector6<L>; JOINTS],
-    /// Resistance of the contacts on the vehicle to its acceleration in a linearly implicit step.
-    pub(super) vehicle_resistance: SpatialInertia<L>,
-    /// The same of each link, in its joint's frame.
-    pub(super) resistance: [SpatialInertia<L>; JOINTS],
 }
 
 impl<L: Lane> ContactScratch<L> {
     /// Zeros.
     #[inline(always)]
     pub fn new() -> Self {
-        let (wrench, resistance) = (Vector6::zero(), SpatialInertia::zero());
-        Self {
-            places: [Place::world(); JOINTS],
-            vehicle: wrench,
-            links: [wrench; JOINTS],
-            vehicle_resistance: resistance,
-            resistance: [resistance; JOINTS],
-        }
+        Self { places: [Place::world(); JOINTS], vehicle: Vector6::zero(), links: [Vector6::zero(); JOINTS] }
     }
 }
 
@@ -187,9 +175,6 @@ pub struct ContactWrenches<'a, L, P, B> {
     pub system: &'a System<P, B>,
     /// True at the start of a step.
     pub is_start: bool,
-    /// Size of a linearly implicit step, s. Contacts with shapes in the world act at its end, where the present rate leads. Contacts with
-    /// fixtures couple two bodies, which the recursion over the tree does not: they act at its start.
-    pub implicit: Option<L>,
     /// Pose of the vehicle at a start, relative to the water since the start of the step, and its motion since that start in
     /// exponential coordinates. (By reference: a copy would be a call.)
     pub pose: (&'a Pose<L>, Option<Vector6<L>>),
@@ -207,7 +192,7 @@ pub struct ContactWrenches<'a, L, P, B> {
 
 /// Pose after a motion in exponential coordinates.
 #[inline(always)]
-pub(super) fn moved<L: Lane>((start, theta): (&Pose<L>, Option<Vector6<L>>)) -> Pose<L> {
+fn moved<L: Lane>((start, theta): (&Pose<L>, Option<Vector6<L>>)) -> Pose<L> {
     match theta {
         Some(theta) => start.times(&exp_se3(theta)),
         None => *start,
@@ -217,7 +202,7 @@ pub(super) fn moved<L: Lane>((start, theta): (&Pose<L>, Option<Vector6<L>>)) -> 
 impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { system, is_start, implicit, pose, elapsed, twist, q, qd, scratch } = self;
+        let Self { system, is_start, pose, elapsed, twist, q, qd, scratch } = self;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
         let Scratch { links, contact, water, .. } = &mut **scratch;
         let vehicle = &water.place(&moved(*pose), *elapsed, *twist);
@@ -227,32 +212,18 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
         for i in 0..n {
             contact.links[i] = Vector6::zero();
         }
-        if implicit.is_some() {
-            contact.vehicle_resistance = SpatialInertia::zero();
-            for i in 0..n {
-                contact.resistance[i] = SpatialInertia::zero();
-            }
-        }
         for shape in shapes {
             let shape_at = shape_at(shape, &contact.places);
-            let step = step_at(shape, *implicit);
-            let h = if let Some(h) = step { h } else { L::zero() };
             for sphere in spheres {
                 let sphere_at = sphere_at(sphere, vehicle, &contact.places);
                 let (motion, in_body) = relative_motion(&sphere_at, &shape_at);
-                if !touches(shape, sphere, motion.center, way(&motion, h)) {
+                if !touches(shape, sphere, motion.center, L::zero()) {
                     continue;
                 }
                 cold_path();
-                let force = contact_force(&shape.geometry, &shape.law, sphere.radius.get(), &motion, h);
+                let force = contact_force(&shape.geometry, &shape.law, sphere.radius.get(), &motion);
                 let ((place, point, _), (body, pose)) = (sphere_at, shape_at);
-                let mut wrench = force.wrench;
-                if let Some(h) = step {
-                    let resistance = force.resistance(&shape.law, h);
-                    wrench = wrench + force.opposing(&resistance, world_acceleration(&pose, water));
-                    contact.resist(sphere.body, place.resistance_of(point, &pose, &force, &resistance));
-                }
-                let wrench = pose.rotation.apply_both(wrench);
+                let wrench = pose.rotation.apply_both(force.wrench);
                 contact.add(sphere.body, place.wrench_of(point, wrench));
                 if shape.body > 0 {
                     contact.add(shape.body, body.wrench_of(in_body, -wrench));
@@ -262,63 +233,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ContactWrenches<'_, L, P, B> {
     }
 }
 
-/// A linearly implicit step, for contacts with a shape that act at its end.
-#[inline(always)]
-pub(super) fn step_at<P, T>(shape: &ShapeTerms<P>, implicit: Option<T>) -> Option<T> {
-    if shape.body == 0 { implicit } else { None }
-}
-
-/// Way of a sphere's centre within a time `h` at most, m.
-#[inline(always)]
-pub(super) fn way<L: Lane>(motion: &RelativeMotion<L>, h: L) -> L {
-    let v = motion.twist.linear;
-    v.dot(v).sqrt() * h
-}
-
-/// Acceleration of the sphere relative to the shape, shape axes, besides the rate of its body's twist: the passes work in the frame that
-/// moves with the water.
-#[inline(always)]
-pub(super) fn world_acceleration<L: Lane>(pose: &Pose<L>, water: &WaterFrame<L>) -> Vector6<L> {
-    Vector6 { linear: pose.rotation.apply_transposed(water.acceleration), angular: Vector3::zero() }
-}
-
-impl<L: Lane> Place<L> {
-    /// Resistance of a contact of the sphere about this point of the body, in the frame of the body.
-    #[inline(always)]
-    fn resistance_of(
-        &self,
-        point: Vector3<L>,
-        shape: &Pose<L>,
-        force: &ContactForce<L>,
-        resistance: &Resistance<L>,
-    ) -> SpatialInertia<L> {
-        let to_body = Vector6 { linear: shape.rotation.apply(force.normal), angular: shape.rotation.apply(force.arm) };
-        let Vector6 { linear: Vector3([x, y, z]), angular: arm } = self.pose.rotation.apply_both_transposed(to_body);
-        let Resistance { along, across } = *resistance;
-        let more = along - across;
-        let mut sum = SpatialInertia::zero();
-        sum.m = [
-            (more * x).mul_add(x, across),
-            more * x * y,
-            more * x * z,
-            (more * y).mul_add(y, across),
-            more * y * z,
-            (more * z).mul_add(z, across),
-        ];
-        sum.shifted(point + arm)
-    }
-}
-
 impl<L: Lane> ContactScratch<L> {
-    /// Adds a resistance of a body, as [`Self::add`].
-    #[inline(always)]
-    fn resist(&mut self, body: usize, resistance: SpatialInertia<L>) {
-        match body.checked_sub(1) {
-            Some(k) => self.resistance[k % JOINTS].add(&resistance),
-            None => self.vehicle_resistance.add(&resistance),
-        }
-    }
-
     /// Adds a wrench on a body: 0 for the vehicle, k + 1 for the link of joint k.
     #[inline(always)]
     fn add(&mut self, body: usize, wrench: Vector6<L>) {
@@ -327,6 +242,69 @@ impl<L: Lane> ContactScratch<L> {
             None => &mut self.vehicle,
         };
         *sum = *sum + wrench;
+    }
+}
+
+/// `h` times the frequency of all contacts that touch within a step of size `h` together, at most: 0 in lanes where nothing touches. The
+/// rate at which friction and dissipation slow them counts with a share, as explicit methods are stable there for larger steps than
+/// accurate ones of an oscillation. Spheres of a body act on the same motion: their stiffnesses and rates add up, but to no more than
+/// if each had the maximum of them and all touched.
+pub struct ContactRate<'a, L, P, B> {
+    /// Place and motion at the start of the step.
+    pub at: ContactWrenches<'a, L, P, B>,
+    /// Step size, s.
+    pub h: L,
+    /// The result.
+    pub rate: L,
+}
+
+/// Share with which rates of decay count.
+const DECAY: f64 = 1.0 / 6.0;
+
+/// Acceleration for which the reach of spheres within a step leaves room, m/s2.
+const ACCELERATION: f64 = 10.0;
+
+impl<L: Lane, P: Param<L>, B> Routine<L> for ContactRate<'_, L, P, B> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let ContactWrenches { system, pose, elapsed, twist, q, qd, scratch, .. } = &mut self.at;
+        let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
+        let Scratch { links, contact, water, .. } = &mut **scratch;
+        let vehicle = &water.place(&moved(*pose), *elapsed, *twist);
+        let n = system.chain().len();
+        link_places(system, true, vehicle, (q, qd), &mut links[..n], &mut contact.places);
+        let (h, zero) = (self.h, L::zero());
+        // Of springs and of decay.
+        let mut rates = [zero; 2];
+        for shape in shapes {
+            let shape_at = shape_at(shape, &contact.places);
+            let (mut sum, mut most, mut of_shape) = ([zero; 2], [zero; 2], [zero; 2]);
+            for sphere in spheres {
+                let (motion, _) = relative_motion(&sphere_at(sphere, vehicle, &contact.places), &shape_at);
+                let v = motion.twist.linear;
+                let reach = (v.dot(v).sqrt() + L::c(0.5 * ACCELERATION) * h).mul_add(h, sphere.radius.get());
+                let Distance { distance, normal } = shape.geometry.distance(motion.center);
+                // Force and loss at the depth that the present rate reaches.
+                let rate = -normal.dot(v);
+                let depth = rate.max(zero).mul_add(h, sphere.radius.get() - distance);
+                let force = shape.law.normal_force(depth, rate);
+                let elastic = shape.law.stiffness.get() * shape.law.effective_depth(depth);
+                let slip = shape.law.friction.get() * force / shape.law.slip_speed_squared.get().sqrt();
+                let touches = L::select(distance.lt(reach), L::c(1.0), zero);
+                let loads = [shape.law.stiffness.get(), shape.law.dissipation.get().mul_add(elastic, slip)];
+                for k in 0..2 {
+                    let load = touches * loads[k];
+                    sum[k] = load.mul_add(sphere.mobility.get(), sum[k]);
+                    most[k] = most[k].max(load * sphere.together.get());
+                    of_shape[k] = load.mul_add(shape.mobility.get(), of_shape[k]);
+                }
+            }
+            for k in 0..2 {
+                rates[k] += sum[k].min(most[k]) + of_shape[k];
+            }
+        }
+        let [square, decay] = rates;
+        self.rate = h * square.sqrt().max(L::c(DECAY) * decay);
     }
 }
 

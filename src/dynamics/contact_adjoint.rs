@@ -10,15 +10,12 @@
 //! xi:     g_c - sum g x b_omega          theta:  sum a x g + a_omega x g_omega        over u with g = df/du, and l with g = f
 //! ```
 //!
-//! In a linearly implicit step f is less the resistance times the acceleration of the sphere, which depends on places as u does and
-//! has the cotangent `-B l`.
-//!
 //! A displacement of the shape's body has the opposite cotangents at the same point.
 
 use super::aba_adjoint::{AdjointScratch, InstantCotangents, along, by_coordinate};
-use super::contact::{link_places, relative_motion, shape_at, sphere_at, step_at, touches, way, world_acceleration};
+use super::contact::{link_places, relative_motion, shape_at, sphere_at, touches};
 use super::place::Place;
-use crate::contact::{ContactStep, ContactTerms, contact_force, contact_force_adjoint};
+use crate::contact::{ContactTerms, contact_force_adjoint};
 use crate::lane::{Lane, Routine};
 use crate::lie::{Vector3, Vector6};
 use crate::system::{JOINTS, System};
@@ -50,8 +47,6 @@ pub struct ContactAdjoint<'a, L> {
     pub system: &'a System<L>,
     /// Place of the vehicle.
     pub vehicle: Place<L>,
-    /// Size of a linearly implicit step, s, and the rate of the vehicle's twist.
-    pub implicit: Option<(L, Vector6<L>)>,
     /// Joint coordinates and rates.
     pub joints: (&'a [L; JOINTS], &'a [L; JOINTS]),
     /// Dual velocities of the links; working memory.
@@ -67,24 +62,21 @@ pub struct ContactAdjoint<'a, L> {
 impl<L: Lane> Routine<L> for ContactAdjoint<'_, L> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { system, vehicle, implicit, joints: (q, qd), memory, of_instant, .. } = self;
+        let Self { system, vehicle, joints: (q, qd), memory, of_instant, .. } = self;
         let Some(ContactTerms { spheres, shapes }) = &system.contact else { return };
         let joints = system.chain();
         let n = joints.len();
-        let AdjointScratch { scratch, dual, acceleration, .. } = &mut **memory;
-        let water = scratch.water;
+        let AdjointScratch { scratch, dual, .. } = &mut **memory;
         let (links, places) = (&mut scratch.links[..n], &mut scratch.contact.places);
         link_places(system, true, vehicle, (q, qd), links, places);
-        let (of_world, mut sums) = (Place::world(), [BodySums::zero(); JOINTS]);
+        let mut sums = [BodySums::zero(); JOINTS];
         let mut on_vehicle = BodySums::zero();
         for shape in shapes {
             let shape_at = shape_at(shape, places);
-            let step = step_at(shape, *implicit);
-            let h = if let Some((h, _)) = step { h } else { L::zero() };
             for sphere in spheres {
                 let sphere_at = sphere_at(sphere, vehicle, places);
                 let (motion, in_body) = relative_motion(&sphere_at, &shape_at);
-                if !touches(shape, sphere, motion.center, way(&motion, h)) {
+                if !touches(shape, sphere, motion.center, L::zero()) {
                     continue;
                 }
                 let ((place, point, center), (body, pose)) = (sphere_at, shape_at);
@@ -94,27 +86,12 @@ impl<L: Lane> Routine<L> for ContactAdjoint<'_, L> {
                     k => Place { twist: dual_of(k, of_instant.wrench, dual), ..body },
                 };
                 let (relative, _) = relative_motion(&(of_sphere, point, center), &(of_shape, pose));
-                let mut accelerated = (of_sphere, Vector6::zero());
-                let mut contact_step = None;
-                if let Some((h, of_vehicle)) = step {
-                    accelerated.0.twist = dual_of(sphere.body, of_vehicle, acceleration);
-                    let (of_centre, _) = relative_motion(&(accelerated.0, point, center), &(Place::world(), pose));
-                    let acceleration = of_centre.twist + world_acceleration(&pose, &water);
-                    contact_step = Some(ContactStep { h, acceleration });
-                    let force = contact_force(&shape.geometry, &shape.law, sphere.radius, &motion, h);
-                    accelerated.1 = force.opposing(&force.resistance(&shape.law, h), relative.twist);
-                }
-                let (geometry, law, radius) = (&shape.geometry, &shape.law, sphere.radius);
-                let (of, wrench) = contact_force_adjoint(geometry, law, radius, &motion, relative.twist, contact_step);
-                // Velocities u, dual velocities l and accelerations of both bodies, each with its cotangent.
+                let (of, wrench) =
+                    contact_force_adjoint(&shape.geometry, &shape.law, sphere.radius, &motion, relative.twist);
+                // Velocities u and dual velocities l of both bodies, each with its cotangent.
                 let (mut moves, mut turns) = (of.center, Vector3::zero());
-                let pairs = [
-                    (&place, &body, of.twist),
-                    (&of_sphere, &of_shape, wrench),
-                    (&accelerated.0, &of_world, accelerated.1),
-                ];
-                let count = if contact_step.is_some() { 3 } else { 2 };
-                for k in 0..count {
+                let pairs = [(&place, &body, of.twist), (&of_sphere, &of_shape, wrench)];
+                for k in 0..pairs.len() {
                     let (sphere, shape, g) = pairs[k];
                     let a = pose.rotation.apply_both_transposed(sphere.motion_at(point));
                     let b = pose.rotation.apply_both_transposed(shape.motion_at(in_body));

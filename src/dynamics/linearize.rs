@@ -119,7 +119,6 @@ fn accelerations_along(
         Dual::call(&mut ContactWrenches {
             system,
             is_start: true,
-            implicit: None,
             pose: (&Pose { rotation, position }, None),
             elapsed: zero,
             twist,

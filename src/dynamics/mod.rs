@@ -5,7 +5,6 @@
 //! | [`aba`] | articulated-body algorithm: forward dynamics in O(n), the form that steps | lanes, over `System` |
 //! | [`aba_implicit`] | the same for linearly implicit Euler | lanes, over `System` |
 //! | [`contact`], `contact_adjoint` | wrenches of contacts on vehicle and links | lanes, over `System` |
-//! | [`contact_rate`] | frequency of contacts, for sub-intervals | lanes, over `System` |
 //! | `composite_body` | composite inertia, momentum and outer forces of vehicle and arm | lanes, over `System` |
 //! | [`tool_contact`] | contacts of a tool with a fixture | lanes, over `System` |
 //! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
@@ -30,7 +29,6 @@ mod closed_form_model;
 mod composite_body;
 pub mod contact;
 pub mod contact_adjoint;
-pub mod contact_rate;
 pub mod dense;
 mod dynamical_balance;
 mod energy;

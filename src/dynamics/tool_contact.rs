@@ -93,7 +93,7 @@ impl<L: Lane, P: Param<L>, B> Routine<L> for ToolContacts<'_, L, P, B> {
                 if !touches(shape, sphere, motion.center, L::zero()) {
                     continue;
                 }
-                let found = contact_force(&shape.geometry, &shape.law, sphere.radius.get(), &motion, L::zero());
+                let found = contact_force(&shape.geometry, &shape.law, sphere.radius.get(), &motion);
                 **force += found.normal_force;
                 if on_fixture {
                     let (rotation, contact) = (&shape_at.1.rotation, &mut contacts[of_tool]);

@@ -251,7 +251,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
     let limit = L::c(max_turn * max_turn);
     let h = L::splat(h);
     let (mut share, mut left) = (one, one);
-    if let Some(rate) = derivative.contact_rate(motion, h, true) {
+    if let Some(rate) = derivative.contact_rate(motion, h) {
         cold_path();
         share = share_in_contact(rate, max_contact);
     }

@@ -69,9 +69,8 @@ pub trait StagePose<L: Lane> {
 pub trait Derivative<L: Lane, const N: usize> {
     /// Number of joints in use, at most N.
     fn joints(&self) -> usize;
-    /// `h` times the frequency of contacts that an interval of length `h` from this motion may meet, for a linearly implicit method if
-    /// `implicit`; none where nothing can touch.
-    fn contact_rate(&mut self, motion: &Motion<L, N>, h: L, implicit: bool) -> Option<L>;
+    /// `h` times the frequency of contacts that an interval of length `h` from this motion may meet; none where nothing can touch.
+    fn contact_rate(&mut self, motion: &Motion<L, N>, h: L) -> Option<L>;
     /// Rates at a stage, `elapsed` after the start of the interval.
     fn rates(
         &mut self,

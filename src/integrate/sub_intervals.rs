@@ -47,7 +47,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize,
     if adaptive {
         plan = L::select(zero.lt(estimates.planned), estimates.planned, one);
     }
-    if let (Some(rate), false) = (derivative.contact_rate(motion, h, false), adaptive) {
+    if let (Some(rate), false) = (derivative.contact_rate(motion, h), adaptive) {
         cold_path();
         plan = share_in_contact(rate, method.max_contact);
     }

@@ -76,8 +76,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 if system.contact.is_some() {
                     let (pose, q, qd, scratch) = ((&motion.pose, None), &motion.q, &motion.qd, &mut scratch);
-                    let (is_start, implicit, elapsed) = (true, None, L::zero());
-                    L::call(&mut ContactWrenches { system, is_start, implicit, pose, elapsed, twist, q, qd, scratch });
+                    let (is_start, elapsed) = (true, L::zero());
+                    L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
                     wrench = wrench + scratch.contact.vehicle;
                 }
                 let instant = Instant {

@@ -6,8 +6,7 @@ use super::joint_coordinates::JointSums;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
-use crate::dynamics::contact::ContactWrenches;
-use crate::dynamics::contact_rate::ContactRate;
+use crate::dynamics::contact::{ContactRate, ContactWrenches};
 use crate::dynamics::lost_bounce;
 use crate::dynamics::place::Place;
 use crate::hydro::{ThrustProfile, ThrustProfiles};
@@ -110,19 +109,19 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed }
     }
 
-    /// Wrenches of contacts at a stage, left in the scratch memory. Implicit steps, of size `implicit`, are each the start of a step.
+    /// Wrenches of contacts at a stage, left in the scratch memory. Implicit steps are each the start of a step.
     #[inline(always)]
     fn touch(
         &mut self,
         system: &System<P>,
         at: &impl StagePose<L>,
-        (elapsed, is_start, implicit): (L, bool, Option<L>),
+        (elapsed, is_start): (L, bool),
         (twist, q, qd): (Vector6<L>, &[L; JOINTS], &[L; JOINTS]),
     ) {
         if system.contact.is_some() {
             cold_path();
             let (pose, scratch) = (at.start_and_motion(), &mut *self.scratch);
-            L::call(&mut ContactWrenches { system, is_start, implicit, pose, elapsed, twist, q, qd, scratch });
+            L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }
     }
 }
@@ -143,7 +142,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
     }
 
     #[inline(always)]
-    fn contact_rate(&mut self, motion: &Motion<L, JOINTS>, h: L, implicit: bool) -> Option<L> {
+    fn contact_rate(&mut self, motion: &Motion<L, JOINTS>, h: L) -> Option<L> {
         let system = self.system;
         system.contact.as_ref()?;
         cold_path();
@@ -152,7 +151,6 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let at = ContactWrenches {
             system,
             is_start: true,
-            implicit: if implicit { Some(h) } else { None },
             pose: (&motion.pose, None),
             elapsed: L::zero(),
             twist: motion.twist,
@@ -178,7 +176,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let system = self.reload_system();
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
-        self.touch(system, at, (elapsed, at.is_start(), None), (twist, q, qd));
+        self.touch(system, at, (elapsed, at.is_start()), (twist, q, qd));
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
@@ -198,7 +196,7 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         let system = self.reload_system();
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
-        self.touch(system, at, (elapsed, true, Some(h)), (twist, q, qd));
+        self.touch(system, at, (elapsed, true), (twist, q, qd));
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;

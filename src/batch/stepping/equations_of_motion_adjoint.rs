@@ -186,8 +186,8 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         self.scratch.scratch.water = water;
         if system.contact.is_some() {
             let (pose, scratch) = ((start, Some(theta)), &mut self.scratch.scratch);
-            let (is_start, implicit, elapsed) = (true, size, begin);
-            L::call(&mut ContactWrenches { system, is_start, implicit, pose, elapsed, twist, q, qd, scratch });
+            let (is_start, elapsed) = (true, begin);
+            L::call(&mut ContactWrenches { system, is_start, pose, elapsed, twist, q, qd, scratch });
         }
         if let Some(h) = size {
             let step = Ahead { h, vehicle_servo: self.equations.station.is_some() };
@@ -242,9 +242,7 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         if let (Some((_, vehicle)), true) = (vehicle, system.contact.is_some()) {
             let (memory, joints, none) = (&mut **scratch, (q, qd), Vector6::zero());
             let (of_displacement, of_twist) = (none, none);
-            let implicit = size.zip(Some(rates.twist));
-            let mut adjoint =
-                ContactAdjoint { system, vehicle, implicit, joints, memory, of_instant, of_displacement, of_twist };
+            let mut adjoint = ContactAdjoint { system, vehicle, joints, memory, of_instant, of_displacement, of_twist };
             L::call(&mut adjoint);
             let ContactAdjoint { of_displacement, of_twist, .. } = adjoint;
             let rotation = &vehicle.pose.rotation;

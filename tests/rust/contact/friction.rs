@@ -14,7 +14,7 @@ const RAMP: f64 = 0.001;
 
 /// A block on a floor that falls by `slope` (rad) along x. Its four feet touch in the plane of its centre of mass, so that friction does
 /// not tilt it.
-pub fn block(slope: f64) -> Scene {
+fn block(slope: f64) -> Scene {
     let gravity = [G * slope.sin(), 0.0, -G * slope.cos()];
     let feet = [[1, 1], [1, -1], [-1, 1], [-1, -1]].map(|[x, y]| {
         format!("{{ name = 'foot{x}{y}', on = 'vehicle', position = [{x}.0, {y}.0, 0.1], radius = 0.1 }}")
@@ -30,7 +30,7 @@ pub fn block(slope: f64) -> Scene {
 }
 
 /// At rest on its feet, each with a quarter of the weight.
-pub fn resting(scene: &Scene) -> State {
+fn resting(scene: &Scene) -> State {
     let load = -scene.water.gravity.z * MASS / 4.0;
     // k (x - e / 2) = load.
     let depth = load / STIFFNESS + 0.5 * RAMP;

@@ -2,7 +2,6 @@
 
 mod bounce;
 mod friction;
-mod implicit;
 mod laws;
 mod scenes;
 mod twin;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use uvms_gym::description::{
-    BASE, Contact, ContactGeometry, ContactShape, Frame, Integration, Parent, Provenance, Scene, Sphere, VEHICLE, WORLD,
+    BASE, Contact, ContactGeometry, ContactShape, Frame, Parent, Provenance, Scene, Sphere, VEHICLE, WORLD,
 };
 use uvms_gym::system::EndEffector;
 
@@ -255,14 +255,6 @@ fn spheres_inside_shapes_at_the_start_are_doubted() {
     assert!(found.len() == 1 && found[0].contains("'cap'"), "a fixture at home carries its shape: {found:?}");
     let found = warnings(&|scene| scene.contact.as_mut().unwrap().shapes[2].stiffness = Some(1e9));
     assert!(found.len() == 2 && found[1].contains("(tip): 1000000000 N/m on the"), "{found:?}");
-    // The linearly implicit methods solve contacts with shapes in the world.
-    for (integrator, shape, count) in [("mk4", 1, 2), ("ros3", 1, 0), ("ros3", 2, 2)] {
-        let found = warnings(&|scene| {
-            scene.integration = Some(Integration { integrator: integrator.into(), step: 0.01 });
-            scene.contact.as_mut().unwrap().shapes[shape].stiffness = Some(1e9);
-        });
-        assert_eq!(found.len(), count, "{integrator}, shape {shape}: {found:?}");
-    }
 }
 
 #[test]
