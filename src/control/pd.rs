@@ -54,7 +54,8 @@ impl DockPdGains {
         let [forward, downward] = self.press;
         let height = (self.glide_slope * (-error[0]).max(0.0) - downward).min(self.lift);
         error[2] -= height;
-        let aside = error[1].hypot(error[2].min(0.0));
+        let below = error[2].min(0.0);
+        let aside = (error[1] * error[1] + below * below).sqrt();
         error[0] += self.retreat * (aside - self.clearance).max(0.0) - forward;
         error
     }

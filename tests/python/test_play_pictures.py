@@ -120,11 +120,11 @@ def test_a_film_shows_what_is_between_control_instants() -> None:
     env: Any = gym.make("UVMS-StationKeep-Storm-v0", disable_env_checker=True)
     controller = uvms_gym.make_controller("pd", env)
     frame = Frame("title", "", 0.4, read_settings("160x120", 50.0, None, ".mp4"))
-    pictures = list(film(env.unwrapped, _run(env, controller, 0, 4, 0.1), frame))
+    pictures = list(film(env.unwrapped, _run(env, controller, 0, 4, 0.1, None), frame))
     # One every 20 ms, from the start to the end.
     assert len(pictures) == 21
     assert all((a != b).any() for a, b in itertools.pairwise(pictures))
-    (last,) = film(env.unwrapped, _run(env, controller, 0, 4, 0.1), frame, last=True)
+    (last,) = film(env.unwrapped, _run(env, controller, 0, 4, 0.1, None), frame, last=True)
     assert (last[:90] == pictures[-1][:90]).all()
 
 

@@ -30,7 +30,7 @@ HARMLESS: dict[str, tuple[int, int, float, tuple[str, float]]] = {
     "fixed-joint-zero-axis.urdf": (2, 8, 15.5, ("mk4", 0.01)),
     "two-origins.urdf": (2, 8, 15.5, ("mk4", 0.01)),
     "dummy-frame.urdf": (2, 8, 15.5001, ("mk4", 0.01)),
-    "joint-friction.urdf": (2, 8, 14.8, ("ros3", 0.01)),
+    "joint-friction.urdf": (2, 8, 14.8, ("ros2", 0.01)),
     "zero-inertia-off-the-arm.urdf": (2, 1, 103.001, ("ros3", 0.005)),
     "locked-joint-off-the-arm.urdf": (2, 8, 103.01, ("mk4", 0.005)),
     "floating-base-off-the-arm.urdf": (2, 8, 103.0, ("mk4", 0.005)),

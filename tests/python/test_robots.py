@@ -125,7 +125,7 @@ def test_check_shows_warnings_and_a_balance(tmp_path: Path, capsys: pytest.Captu
     assert "warning: vehicle.body.volume: all bodies weigh 27.0000 kg" in out and "net weight in water, N" in out
     found = json.loads(numbers.read_text())
     assert found["summary"]["mass, kg"] == 27.0 and found["summary"]["degrees of freedom"] == 6
-    assert len(found["warnings"]) == 2 and "54 % of its limit" in found["warnings"][1]
+    assert len(found["warnings"]) == 2 and "63 % of its limit" in found["warnings"][1]
     assert (found["recommended"]["integrator"], found["recommended"]["step"]) == ("mk4", 0.01)
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     assert main(["scenes", "check", "rexrov", "--strict"]) == 0

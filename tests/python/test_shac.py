@@ -89,9 +89,12 @@ NEAR = {"start_distance": 1.0, "start_clearance": 0.5}
 
 @pytest.mark.parametrize("action", ["wrench", "thrusters", "residual"])
 @pytest.mark.parametrize(("delay", "lag"), [({}, 0.0), ({"periods": 2}, 0.1), (DRAWN, 0.0)])
-@pytest.mark.parametrize(("env", "substeps", "start"), [(ENV, 10, {}), (TRACKING, 20, {}), (DOCK, 10, NEAR)])
+# Without the cradle: its fenders are stiff over less than the way by which the change of an action moves the vehicle.
+@pytest.mark.parametrize(
+    ("env", "substeps", "start"), [(ENV, 10, {}), (TRACKING, 20, {}), (DOCK, 10, {**NEAR, "dock": "floating"})]
+)
 def test_gradients_match_differences_between_episodes(
-    env: str, substeps: int, start: dict[str, float], delay: dict[str, Any], lag: float, action: str, monkeypatch: Any
+    env: str, substeps: int, start: dict[str, Any], delay: dict[str, Any], lag: float, action: str, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
     monkeypatch.setattr("uvms_gym.training.return_gradient.OUTLYING", np.inf)
