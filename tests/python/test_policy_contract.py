@@ -84,6 +84,42 @@ def test_an_environment_keeps_its_own_contract_through_a_file(env: str, tmp_path
         assert np.isfinite([entry["scale"], entry["low"], entry["high"]]).all(), entry["name"]
 
 
+def test_every_difference_of_environment_and_controller_is_named_in_one_line(tmp_path: Path) -> None:
+    env = made()
+    policy, other = (
+        MLP(env, **layers((env.observation_space.shape[0], 8, env.action_space.shape[0]), k)) for k in (0, 1)
+    )
+    file = uvms_gym.export_policy(policy, tmp_path / "policy.c", env)
+    assert check_contract(file, env, controller=policy) == json.loads(file.read_text())
+    # A classical controller may run in place of the policy.
+    check_contract(file, env, controller=uvms_gym.PID(env))
+    broken = json.loads(file.read_text())
+    broken |= {"task": "dock", "control_period": 0.2, "delay": [2, 2], "thruster_lag": 0.4, "further_delay": 3}
+    broken["scene"]["numbers"]["vehicle.body.mass"] *= 2.0
+    broken["observation"][0]["unit"] = "ft"
+    broken["disturbance"]["noise"]["position"] = 0.1
+    broken["options"]["start_distance"] = 1.5
+    file.write_text(json.dumps(broken))
+    with pytest.raises(ValueError) as caught:
+        check_contract(file, env, controller=other)
+    line = str(caught.value)
+    assert line.startswith(f"{file}: the environment differs from the contract: ") and "\n" not in line
+    for words in (
+        "task is UVMS-StationKeep instead of dock",
+        "control_period is 0.1 instead of 0.2 (-50 %)",
+        "delay is 1 instead of 2 control periods",
+        "thruster_lag is 0.1 s instead of 0.4 s",
+        "vehicle.body.mass is 13.5 instead of 27 (-50 %)",
+        "unit of observation position_error[0] is m instead of ft",
+        "noise.position is 0.005 instead of 0.1 (-95 %)",
+        "start_distance is 0.05 instead of 1.5",
+        "further_delay is 0 instead of 3",
+        "the policy has the digest ",
+    ):
+        assert words in line, words
+    assert line.count(";") == 9
+
+
 def test_the_digest_is_of_the_numbers_of_the_scene() -> None:
     digest = policy_contract(made())["scene"]["digest"]
     assert (

@@ -1,5 +1,6 @@
 """Nodes of ROS 2 on the genuine middleware (rclpy, Fast DDS): `make test-ros2`."""
 
+import json
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from uvms_gym import make_controller
+from uvms_gym import export_policy, make_controller
 from uvms_gym.ros2.observer import Observer
 from uvms_gym.ros2.vehicle import DEADMAN, SimulatedVehicle
 
@@ -161,8 +162,47 @@ def test_messages_have_the_vehicle_s_values_frames_and_covariances(open_session:
     assert odom.pose.covariance[0] == pytest.approx(0.005**2) and odom.pose.covariance[35] == pytest.approx(0.005**2)
     assert odom.twist.covariance[0] == pytest.approx(0.01**2) and got["dvl"].twist.covariance[35] == np.inf
     assert 5.0 < imu.linear_acceleration.z < 15.0
+    # 0.12e-3 rad/s and 1.2e-3 m/s2 per root Hz over 0.1 s; 2 mm of water.
+    assert imu.angular_velocity_covariance[0] == pytest.approx(0.12e-3**2 / 0.1)
+    assert imu.linear_acceleration_covariance[8] == pytest.approx(1.2e-3**2 / 0.1)
+    assert got["pressure"].variance == pytest.approx((0.002 * 9810.0) ** 2, rel=0.05)
     assert got["pressure"].fluid_pressure == pytest.approx(101325.0 + 98100.0, rel=0.02)
     assert messages.time_of(got["/clock"].clock) <= 5.0
+
+
+def test_sensors_have_their_rate_and_fail_and_work_again_on_demand(open_session: Any) -> None:
+    """10 times as fast: the DVL at 5 Hz beside 10 Hz of the others, and the pressure sensor fails for a while."""
+    from std_srvs.srv import SetBool
+
+    simulator, guest = SimulatorNode(open_session("simulator"), vehicle(seed=1), factor=10.0), open_session("guest")
+    stamps: dict[str, list[float]] = {"imu": [], "dvl": [], "pressure": []}
+    kept = [
+        guest.node.create_subscription(
+            messages.SENSORS[name],
+            name,
+            lambda m, name=name: stamps[name].append(messages.time_of(m.header.stamp)),
+            500,
+        )
+        for name in stamps
+    ]
+    client = guest.node.create_client(SetBool, "pressure/fail")
+    assert client.wait_for_service(timeout_sec=10.0)
+    work = Background(lambda: simulator.run(60.0))
+    answers = []
+    for end, failed in ((20.0, True), (40.0, False)):
+        assert guest.spin_until(lambda end=end: bool(stamps["imu"]) and stamps["imu"][-1] >= end, 30.0)
+        answer = client.call_async(SetBool.Request(data=failed))
+        assert guest.spin_until(answer.done, 10.0) and answer.result().success
+        answers.append(float(answer.result().message.split()[-2]))
+    guest.spin_until(lambda: stamps["imu"][-1] >= 59.9, 10.0)
+    work.join()
+    assert kept and answer.result().message.startswith("pressure works again at ")
+    # A message may be lost on its way.
+    assert np.median(np.diff(stamps["imu"])) == pytest.approx(0.1) and np.median(
+        np.diff(stamps["dvl"])
+    ) == pytest.approx(0.2)
+    assert [t for t in stamps["pressure"] if t > answers[1]] and [t for t in stamps["pressure"] if t <= answers[0]]
+    assert not [t for t in stamps["pressure"] if answers[0] < t <= answers[1]]
 
 
 def test_messages_and_measurements_convert_both_ways() -> None:
@@ -302,17 +342,54 @@ def test_a_topic_that_another_node_publishes_is_one_line(open_session: Any) -> N
     [
         (["simulate", "--remap", "odom=x"], "cannot start"),
         (["simulate", "--namespace", "a b"], "cannot start"),
+        (["simulate", "--sensors", "none.toml"], "cannot read none.toml: No such file or directory"),
+        (["simulate", "--sensors", "bad.toml"], "bad.toml: "),
+        (["simulate", "--sensors", "rate.toml"], "sensors: imu.rate: -1 must be within [0.001, 10000]"),
         (["control", "--target", "1,2"], "must be 4 finite numbers"),
         (["control", "--env-kwargs", "action:residual"], "its actions are corrections to a controller"),
         (["control", "--wait", "1"], "no message on /odom and /joint_states for 1 s"),
     ],
 )
 def test_commands_answer_bad_input_with_one_line(arguments: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text("[imu\n")
+    (tmp_path / "rate.toml").write_text("[imu]\nrate = -1\n")
     done = subprocess.run(
         [sys.executable, "-m", "uvms_gym", "ros2", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
     assert len([line for line in done.stderr.splitlines() if line.startswith("uvms: ")]) == 1
+
+
+def test_a_broken_contract_file_is_refused_at_the_start(tmp_path: Path) -> None:
+    env = make()
+    file = export_policy(make_controller("ppo", env), tmp_path / "ppo.c", env)
+    command = [
+        sys.executable,
+        "-m",
+        "uvms_gym",
+        "ros2",
+        "control",
+        "--env",
+        STORM,
+        "--controller",
+        "ppo",
+        "--wait",
+        "1",
+    ]
+    command += ["--contract", str(file)]
+    sound = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert "no message on /odom and /joint_states for 1 s" in sound.stderr
+    broken = json.loads(file.read_text())
+    broken |= {"control_period": 0.2, "further_delay": 1}
+    broken["policy"]["digest"] = "0" * 64
+    broken["observation"][3]["scale"] *= 2.0
+    file.write_text(json.dumps(broken))
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("uvms: ")]
+    assert done.returncode == 2 and "0 commands" not in done.stdout
+    assert f"{file}: the environment differs from the contract: control_period is 0.1 instead of 0.2 (-50 %); " in line
+    assert "scale of observation attitude_error[0] is " in line and "further_delay is 0 instead of 1" in line
+    assert line.endswith("instead of 000000000000")
 
 
 def test_ctrl_c_ends_a_simulation_with_its_figures(tmp_path: Path) -> None:

@@ -6,9 +6,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from uvms_gym import make_controller
+from uvms_gym import Sensors, Simulator, make_controller
+from uvms_gym.ros2.instruments import ATMOSPHERE, Instruments
 from uvms_gym.ros2.observer import Observer
-from uvms_gym.ros2.vehicle import ATMOSPHERE, DEADMAN, Measurement, SimulatedVehicle
+from uvms_gym.ros2.vehicle import DEADMAN, Measurement, SimulatedVehicle
 
 STORM = "UVMS-StationKeep-Storm-v0"
 
@@ -104,23 +105,83 @@ def test_a_reset_begins_the_next_episode_without_commands() -> None:
     np.testing.assert_array_equal(env.snapshot().position, one.env.snapshot().position)
 
 
-def test_specific_force_is_the_change_of_velocity_less_gravity() -> None:
-    one = vehicle("UVMS-StationKeep-v0", disturbance="calm", start_angle=0.0)
-    np.testing.assert_allclose(one.measurement.specific_force, [0.0, 0.0, 9.81], atol=1e-12)
-    velocity = np.zeros(3)
-    for _ in range(10):
-        one.command_wrench([40.0, 5.0, 10.0, 2.0, 0.0, 3.0])
-        one.step()
-        rotation = one.env.snapshot().rotation[0]
-        velocity = velocity + one.period * (rotation @ one.measurement.specific_force + [0.0, 0.0, -9.81])
-    assert velocity[0] > 0.02
-    np.testing.assert_allclose(velocity, rotation @ one.measurement.twist[:3], atol=1e-12)
+@pytest.mark.parametrize(
+    "suite",
+    [
+        {},
+        {
+            "imu": {"dropout": 0.3, "failure": 1.5},
+            "dvl": {"rate": 2.0, "beam_dropout": 0.4, "rpy": [0.0, 0.0, 0.5]},
+            "depth": {"delay": 0.25, "noise": 0.5, "surface": 30.0},
+        },
+    ],
+)
+def test_instruments_read_what_sensors_of_the_same_declaration_read(suite: dict[str, Any]) -> None:
+    """Noise, rate, delay, drop-outs and failures included, over two episodes and a failure on demand."""
+    env = make(STORM, action="thrusters")
+    one = SimulatedVehicle(env, 7, suite)
+    # By default the surface is 10 m above the world's origin.
+    twin = Sensors(env.snapshot(), {"imu": True, "dvl": True, "depth": {"surface": 10.0}, **suite}, seed=7)
+    counts = dict.fromkeys(twin.suite, 0)
+    weight = 9.81 * env.snapshot().scene["water"]["density"]
+    for k in range(60):
+        if k == 30:
+            one.reset()
+            twin.reset()
+        if k in (40, 45):
+            one.instruments.fail("depth", k == 40)
+            twin.fail("depth", k == 40)
+        if k:
+            one.command_wrench([20.0, 5.0, 10.0, 2.0, 0.0, 3.0])
+        if k not in (0, 30):
+            one.step()
+        expected, found = twin.measure(env.snapshot()), one.measurement.readings
+        for name in twin.suite:
+            values = {key: rows[0] for key, rows in expected[name].items()}
+            if name == "depth":
+                values["pressure"] = ATMOSPHERE + weight * np.maximum(0.0, values["depth"])
+            valid = values["valid"] and np.isfinite(values.get("velocity", 0.0)).all()
+            assert (name in found) == valid, (k, name)
+            if valid:
+                counts[name] += 1
+                assert found[name].time == values["time"]
+                for key, value in found[name].values.items():
+                    np.testing.assert_allclose(value, values[key], rtol=1e-12, atol=0)
+    assert all(count > 5 for count in counts.values()) and (not suite or counts["imu"] < 40)
 
 
-def test_pressure_grows_with_depth() -> None:
-    one = vehicle("UVMS-StationKeep-v0", disturbance="calm")
-    depth = 10.0 - one.measurement.position[2]
-    assert one.measurement.pressure == pytest.approx(ATMOSPHERE + 1000.0 * 9.81 * depth, rel=1e-12)
+def test_covariances_are_variances_of_the_readings() -> None:
+    """Of a vehicle at rest in calm water, by 4000 readings; biases are in no covariance."""
+    quiet = dict.fromkeys(("gyro_bias", "accelerometer_bias", "gyro_walk", "accelerometer_walk"), 0.0)
+    simulator, period = Simulator("free-body"), 0.1
+    suite = {"imu": quiet, "dvl": {"beam_dropout": 0.0, "rate": 20.0}, "depth": {"offset": 0.0, "rate": 20.0}}
+    instruments = Instruments(simulator, suite, 3, period)
+    taken: dict[str, list[Any]] = {}
+    for k in range(4000):
+        simulator.set_state(position=np.zeros(3), time=k * period)
+        readings = instruments.read(simulator)
+        for reading in readings.values():
+            for key, value in reading.values.items():
+                taken.setdefault(key, []).append(value)
+    covariances = {key: value for reading in readings.values() for key, value in reading.covariance.items()}
+    assert covariances.keys() == taken.keys()
+    for key, covariance in covariances.items():
+        np.testing.assert_allclose(np.var(taken[key], axis=0), np.diag(covariance), rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("suite", "message"),
+    [
+        ({"sonar": True}, "sensors: unknown sensor 'sonar'; the node publishes imu, dvl, depth"),
+        ({"imu": {"rate": -1.0}}, r"sensors: imu\.rate: -1 must be within"),
+        ({"depth": {"rte": 1.0}}, r"sensors: depth\.rte: unknown field"),
+        ({"depth": 3}, "sensors: depth"),
+    ],
+)
+def test_bad_settings_of_instruments_are_one_line(suite: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message) as caught:
+        SimulatedVehicle(make(STORM, action="thrusters"), 0, suite)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """`uvms ros2`: nodes of ROS 2."""
 
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,6 +8,7 @@ import gymnasium
 import numpy as np
 from typer import Option
 
+from uvms_gym._files import read_text
 from uvms_gym.cli.common import fail, line, need, prepare, user_errors
 from uvms_gym.cli.environments import EnvKwargs, Scene, check_environment, environment_arguments
 from uvms_gym.cli.options import CONTROLLER_HELP, Json, Policies, ranged, several, vector
@@ -44,7 +46,12 @@ def simulate(
     lockstep: Annotated[
         bool, Option("--lockstep", help="Wait for a command on every measurement, instead of the wall clock.")
     ] = False,
-    depth: Annotated[float, ranged("Depth of the world's origin, m, for the pressure.", 0.0)] = 10.0,
+    sensors: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE", help="TOML file: tables [imu], [dvl], [depth] with settings of `Sensors`. [default: none]"
+        ),
+    ] = None,
     namespace: Namespace = "/",
     remap: Remap = None,
     wait: Wait = 30.0,
@@ -52,7 +59,8 @@ def simulate(
 ) -> None:
     """Simulate a vehicle as a node: sensors, /clock and TF out, thrusts, wrench and joint targets in.
 
-    Without commands for 0.5 s the thrusts are 0 and joints hold. The service `reset` begins the next episode.
+    Without commands for 0.5 s the thrusts are 0 and joints hold. The service `reset` begins the next episode;
+    `imu/fail`, `dvl/fail` and `pressure/fail` let a sensor fail and work again.
     """
     need(NEEDS, "ros2-node")
     from uvms_gym.ros2.messages import SENSORS
@@ -63,8 +71,13 @@ def simulate(
     prepare(None, json_file)
     made = _make(env, environment_arguments(env_kwargs, scene=scene, disturbance=disturbance), action="thrusters")
     owned = [*(name for name in SENSORS if name != "/tf"), "contract"]
+    suite: dict[str, Any] = {}
+    if sensors is not None:
+        with user_errors(f"{sensors}: "):
+            suite = tomllib.loads(read_text(sensors))
+    with user_errors():
+        vehicle = SimulatedVehicle(made, seed, suite)
     with user_errors(), session("uvms_simulator", namespace, remap or (), owned) as running:
-        vehicle = SimulatedVehicle(made, seed, depth)
         node = SimulatorNode(running, vehicle, factor=factor, lockstep=lockstep, patience=wait)
         line(f"{made.snapshot().scene_name} on the topics of {running.node.get_fully_qualified_name()}; Ctrl-C ends it")
         try:
@@ -98,7 +111,8 @@ def control(
         Option(metavar="X,Y,Z,HEADING", help="Target, m and rad, in the frame of odom. [default: the environment's]"),
     ] = None,
     contract: Annotated[
-        Path | None, Option(metavar="FILE", help="Contract that the environment must meet. [default: none]")
+        Path | None,
+        Option(metavar="FILE", help="Contract of `uvms export` that environment and policy must meet. [default: none]"),
     ] = None,
     seconds: Seconds = None,
     namespace: Namespace = "/",
@@ -124,9 +138,9 @@ def control(
         half = 0.5 * numbers[3]
         start = {"target_position": numbers[:3], "target_attitude": [np.cos(half), 0.0, 0.0, np.sin(half)]}
     with user_errors():
-        if contract is not None:
-            check_contract(contract, made)
         chosen = make_controller(canonical(controller or BASELINE[made.task], task=made.task), made)
+        if contract is not None:
+            check_contract(contract, made, controller=chosen)
         observer = Observer(made, chosen, seed, start)
     with user_errors(), session("uvms_controller", namespace, remap or (), list(COMMANDS)) as running:
         node = ControllerNode(running, observer, patience=wait)

@@ -12,14 +12,13 @@ from typing import Any
 from uvms_gym import _core
 from uvms_gym._files import read_text
 from uvms_gym._task.options import native, options_by_task
-from uvms_gym.controllers.base import given_options
+from uvms_gym.controllers.base import Controller, given_options
+from uvms_gym.controllers.mlp import MLP
 
 #: Version of the form.
 FORM = "uvms-contract/1"
 #: Leak of the error integral, 1/s.
 LEAK = 0.1
-#: Differences that one line names.
-_NAMED = 4
 #: Texts, sources and pictures in scenes, which are no numbers of the physics.
 _NO_PHYSICS = ("provenance", "summary", "name", "shape", "meshes")
 #: Options that the contract has under names of its own, and prices of the training.
@@ -103,15 +102,22 @@ def policy_contract(env: Any = None, **options: Any) -> dict[str, Any]:
 
 
 def check_contract(
-    given: Mapping[str, Any] | str | os.PathLike[str], env: Any = None, **options: Any
+    given: Mapping[str, Any] | str | os.PathLike[str],
+    env: Any = None,
+    *,
+    controller: Controller | None = None,
+    **options: Any,
 ) -> dict[str, Any]:
-    """Refuse an environment that differs from a contract.
+    """Refuse an environment, and a controller, that differ from a contract.
 
     Parameters
     ----------
     given : mapping or path
         Contract, or its JSON file.
     env : UVMS environment or None
+    controller : Controller or None
+        Controller that will run under the contract in place of the exported file: without a further delay, and if it is
+        an `MLP` the same policy.
     **options
         Without `env`: arguments of its environment, and `task`.
 
@@ -143,17 +149,27 @@ def check_contract(
     here = policy_contract(env, **options)
     try:
         apart = list(differences(found, here))
+        if controller is not None:
+            apart += _differences_of_controller(found, controller)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{place}no contract of uvms_gym: {type(error).__name__} {error}") from None
     if apart:
-        raise ValueError(f"{place}the environment differs from the contract: {listed(apart)}")
+        raise ValueError(f"{place}the environment differs from the contract: {'; '.join(apart)}")
     return found
 
 
-def listed(apart: list[str]) -> str:
-    """Differences as one line."""
-    rest = len(apart) - _NAMED
-    return "; ".join([*apart[:_NAMED], *([f"and {rest} more"] if rest > 0 else [])])
+def digest_of(policy: MLP) -> str:
+    """SHA-256 of a policy's network, as in contracts."""
+    return hashlib.sha256(policy.native.to_bytes()).hexdigest()
+
+
+def _differences_of_controller(there: Mapping[str, Any], controller: Controller) -> Iterator[str]:
+    """Differences of a controller from the exported policy of a contract."""
+    if delay := there.get("further_delay", 0):
+        yield _said("further_delay", 0, delay)
+    own = there.get("policy")
+    if own is not None and isinstance(controller, MLP) and (here := digest_of(controller)) != own["digest"]:
+        yield f"the policy has the digest {here[:12]} instead of {own['digest'][:12]}"
 
 
 def refused(there: Mapping[str, Any], here: Mapping[str, Any]) -> Iterator[str]:

@@ -19,7 +19,7 @@ import gymnasium
 from uvms_gym import _core
 from uvms_gym._task.options import native, option_names
 from uvms_gym.controllers.base import Controller, given_options, options_of
-from uvms_gym.controllers.contract import differences, listed, policy_contract, refused
+from uvms_gym.controllers.contract import differences, policy_contract, refused
 from uvms_gym.controllers.families import (
     CODE_PREFIX,
     CONTROLLERS,
@@ -247,11 +247,11 @@ def _check_training(name: str, policy: MLP, options: dict[str, Any]) -> None:
     """
     there, here = training_contract(policy), policy_contract(**options)
     if apart := list(refused(there, here)):
-        raise ValueError(f"{name}: the policy does not fit: {listed(apart)}")
+        raise ValueError(f"{name}: the policy does not fit: {'; '.join(apart)}")
     if apart := list(differences(there, here, beyond=True)):
         env = policy.notes.get("environment", "another environment")
         warnings.warn(
-            f"{name} was trained in {env}; here {listed(apart)}: it may be unstable", ControllerWarning, stacklevel=3
+            f"{name} was trained in {env}; here {'; '.join(apart)}: it may be unstable", ControllerWarning, stacklevel=3
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from uvms_gym._task.options import native
 from uvms_gym.controllers import MLP, Controller
 from uvms_gym.controllers.base import given_options
-from uvms_gym.controllers.contract import listed, policy_contract, refused
+from uvms_gym.controllers.contract import digest_of, policy_contract, refused
 from uvms_gym.controllers.registry import training_contract
 
 Floats = NDArray[np.float64]
@@ -114,7 +113,7 @@ def policy_model(policy: Controller, env: Any = None, *, delay: int = 0, **optio
     policy.native.check(native(given), residual=False)
     data, here, training = policy.native.to_bytes(), policy_contract(**given), training_contract(policy)
     if apart := list(refused(training, here)):
-        raise ValueError(f"the policy does not fit: {listed(apart)}")
+        raise ValueError(f"the policy does not fit: {'; '.join(apart)}")
     # The conditions are those of the training, if known.
     contract = {**here, **training}
     if contract["action_kind"] == "residual":
@@ -131,7 +130,7 @@ def policy_model(policy: Controller, env: Any = None, *, delay: int = 0, **optio
     contract["inputs"] = [entry["name"] for entry in inputs]
     contract["further_delay"] = delay
     contract["policy"] = {
-        "digest": hashlib.sha256(data).hexdigest(),
+        "digest": digest_of(policy),
         **{key: header[key] for key in ("sizes", "activation", "output", "history")},
     }
     return PolicyModel(

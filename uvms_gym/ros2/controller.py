@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from uvms_gym._extras import extra
-from uvms_gym.controllers.contract import differences, listed, policy_contract
+from uvms_gym.controllers.contract import differences, policy_contract
+from uvms_gym.ros2.instruments import Floats
 from uvms_gym.ros2.messages import COMMANDS, SENSORS, by_name, joint_message, pose_and_twist, time_of, wrench_message
 from uvms_gym.ros2.observer import Observer
 from uvms_gym.ros2.session import LATCHED, Session
-from uvms_gym.ros2.vehicle import DEADMAN, Floats
+from uvms_gym.ros2.vehicle import DEADMAN
 
 with extra("ros2-node"):
     from std_msgs.msg import String
@@ -130,7 +131,7 @@ class ControllerNode:
             return
         self._contract = given
         if apart:
-            self._error = f"the environment of the controller differs from the vehicle's contract: {listed(apart)}"
+            self._error = f"the environment of the controller differs from the vehicle's contract: {'; '.join(apart)}"
 
     def _on_odom(self, message: Any) -> None:
         try:

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uvms_gym import _rotations
 from uvms_gym._extras import extra
-from uvms_gym.ros2.vehicle import Floats, Measurement
+from uvms_gym.ros2.instruments import Floats
+from uvms_gym.ros2.vehicle import Measurement
 
 with extra("ros2-node"):
     from builtin_interfaces.msg import Time
@@ -22,6 +24,7 @@ with extra("ros2-node"):
     from nav_msgs.msg import Odometry
     from rosgraph_msgs.msg import Clock
     from sensor_msgs.msg import FluidPressure, Imu, JointState
+    from std_msgs.msg import Header
 
 #: Frames of world and vehicle.
 WORLD, BODY = "odom", "base_link"
@@ -54,43 +57,53 @@ def time_of(stamp: Any) -> float:
 
 
 def sensor_messages(m: Measurement, deviations: Mapping[str, float], joints: Sequence[str]) -> dict[str, Any]:
-    """Messages of all sensors by topic; `deviations` are of the noise.
+    """Messages by topic, of the instruments those that have arrived; `deviations` are of the pose's noise.
 
     Covariances are variances of the noise; 0 without noise or where it is unknown.
     """
-    stamp, made = stamp_of(m.time), {name: kind() for name, kind in SENSORS.items()}
-    for name, message in made.items():
-        if hasattr(message, "header"):
-            message.header.stamp = stamp
-            message.header.frame_id = WORLD if name == "odom" else BODY
+    stamp = stamp_of(m.time)
     pose = _blocks(deviations, "position", "attitude")
-    twist = _blocks(deviations, "linear_velocity", "angular_velocity")
-    odom, imu = made["odom"], made["imu"]
-    odom.child_frame_id = BODY
+    odom = Odometry(header=Header(stamp=stamp, frame_id=WORLD), child_frame_id=BODY)
     _set(odom.pose.pose.position, m.position)
     _set_quaternion(odom.pose.pose.orientation, m.quaternion)
     odom.pose.covariance = pose.ravel()
-    for body in (odom.twist, made["dvl"].twist):
-        _set(body.twist.linear, m.twist[:3])
-        body.covariance = twist.ravel()
+    _set(odom.twist.twist.linear, m.twist[:3])
     _set(odom.twist.twist.angular, m.twist[3:])
-    # A DVL measures no rates: REP 117 has NaN for no value, and the variance is infinite.
-    unknown = twist.copy()
-    unknown[3:, 3:] = np.diag([np.inf] * 3)
-    made["dvl"].twist.covariance = unknown.ravel()
-    _set_quaternion(imu.orientation, m.quaternion)
-    _set(imu.angular_velocity, m.twist[3:])
-    _set(imu.linear_acceleration, m.specific_force)
-    imu.orientation_covariance, imu.angular_velocity_covariance = pose[3:, 3:].ravel(), twist[3:, 3:].ravel()
-    made["joint_states"].name = list(joints)
-    made["joint_states"].position, made["joint_states"].velocity = m.q.tolist(), m.qd.tolist()
-    made["pressure"].fluid_pressure = m.pressure
-    made["/clock"].clock = stamp
-    if "/tf" in made:
+    odom.twist.covariance = _blocks(deviations, "linear_velocity", "angular_velocity").ravel()
+    made: dict[str, Any] = {
+        "odom": odom,
+        "joint_states": joint_message(stamp, joints, position=m.q, velocity=m.qd),
+        "/clock": Clock(clock=stamp),
+    }
+    if "/tf" in SENSORS:
         moved = TransformStamped(header=odom.header, child_frame_id=BODY)
         _set(moved.transform.translation, m.position)
         _set_quaternion(moved.transform.rotation, m.quaternion)
-        made["/tf"].transforms = [moved]
+        made["/tf"] = TFMessage(transforms=[moved])
+    for name, reading in m.readings.items():
+        header = Header(stamp=stamp_of(reading.time), frame_id=f"{name}_link" if reading.mounted else BODY)
+        values, covariance = reading.values, reading.covariance
+        if name == "imu":
+            imu = Imu(header=header)
+            turn = _rotations.from_rpy(reading.rpy[None])[0]
+            _set_quaternion(imu.orientation, _rotations.multiply(m.quaternion, turn))
+            _set(imu.angular_velocity, values["angular_velocity"])
+            _set(imu.linear_acceleration, values["specific_force"])
+            imu.orientation_covariance = pose[3:, 3:].ravel()
+            imu.angular_velocity_covariance = covariance["angular_velocity"].ravel()
+            imu.linear_acceleration_covariance = covariance["specific_force"].ravel()
+            made["imu"] = imu
+        elif name == "dvl":
+            dvl = TwistWithCovarianceStamped(header=header)
+            _set(dvl.twist.twist.linear, values["velocity"])
+            # A DVL measures no rates: their variance is infinite.
+            variances = np.diag([0.0, 0.0, 0.0, np.inf, np.inf, np.inf])
+            variances[:3, :3] = covariance["velocity"]
+            dvl.twist.covariance = variances.ravel()
+            made["dvl"] = dvl
+        else:
+            pressure, variance = float(values["pressure"][0]), float(covariance["pressure"][0, 0])
+            made["pressure"] = FluidPressure(header=header, fluid_pressure=pressure, variance=variance)
     return made
 
 

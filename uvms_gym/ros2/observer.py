@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from uvms_gym._core import Simulator
 from uvms_gym.controllers.contract import policy_contract
 from uvms_gym.envs.base import TaskEnv
-from uvms_gym.ros2.vehicle import Floats
+from uvms_gym.ros2.instruments import Floats
 
 
 class Observer:

@@ -11,13 +11,14 @@ import numpy as np
 
 from uvms_gym._extras import extra
 from uvms_gym.controllers.contract import policy_contract
+from uvms_gym.ros2.instruments import TOPICS
 from uvms_gym.ros2.messages import COMMANDS, SENSORS, by_name, sensor_messages, time_of, wrench_of
 from uvms_gym.ros2.session import LATCHED, Session
 from uvms_gym.ros2.vehicle import DEADMAN, SimulatedVehicle
 
 with extra("ros2-node"):
     from std_msgs.msg import String
-    from std_srvs.srv import Trigger
+    from std_srvs.srv import SetBool, Trigger
 
 #: Parts of a contract that do not depend on the controller.
 SHARED = ("form", "task", "scene", "end_effector", "control_period", "rate", "thruster_lag", "options")
@@ -60,6 +61,10 @@ class SimulatorNode:
         self._kept = [
             *(node.create_subscription(COMMANDS[name], name, self._receiver(name), 10) for name in COMMANDS),
             node.create_service(Trigger, "reset", self._reset),
+            *(
+                node.create_service(SetBool, f"{TOPICS[name]}/fail", self._failer(name))
+                for name in vehicle.instruments.suite
+            ),
         ]
         self._answered: dict[str, float] = {}
         self._sent = 0.0
@@ -98,7 +103,7 @@ class SimulatorNode:
     def _publish(self) -> None:
         measurement = self.vehicle.measurement
         self._sent = time.perf_counter()
-        deviations, joints = self.vehicle.sensors.deviations, self.vehicle.joints
+        deviations, joints = self.vehicle.state.deviations, self.vehicle.joints
         for name, message in sensor_messages(measurement, deviations, joints).items():
             self._publishers[name].publish(message)
 
@@ -157,6 +162,16 @@ class SimulatorNode:
         response.success, response.message = True, f"episode {self.vehicle.episode} begins"
         self.session.say(response.message)
         return response
+
+    def _failer(self, name: str) -> Callable[[Any, Any], Any]:
+        def fail(request: Any, response: Any) -> Any:
+            self.vehicle.instruments.fail(name, request.data)
+            verb = "fails" if request.data else "works again"
+            response.success, response.message = True, f"{TOPICS[name]} {verb} at {self.vehicle.time:g} s"
+            self.session.say(response.message, once=False)
+            return response
+
+        return fail
 
     def summary(self) -> dict[str, float]:
         """Metrics of the episode so far, and round trips: median, 95 % and maximum, s."""

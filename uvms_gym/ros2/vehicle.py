@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +15,10 @@ from uvms_gym import _rotations
 from uvms_gym._core import Simulator
 from uvms_gym.controllers.contract import policy_contract
 from uvms_gym.envs.base import TaskEnv
+from uvms_gym.ros2.instruments import Floats, Instruments, Reading
 
-Floats = NDArray[np.float64]
 #: Age of the last command at which thrusts become 0 and joints hold, s.
 DEADMAN = 0.5
-#: Depth of the world's origin below the surface, m, and pressure at the surface, Pa.
-DEPTH, ATMOSPHERE = 10.0, 101325.0
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,8 @@ class Measurement:
         [v; omega] over ground, body axes (x forward, y left, z up).
     q, qd : numpy.ndarray (n,)
         Joint coordinates and rates.
-    specific_force : numpy.ndarray (3,)
-        Mean over the last control period, m/s^2, body axes; +9.81 along z at rest.
-    pressure : float
-        Absolute pressure, Pa.
+    readings : dict
+        Readings of the instruments that have arrived since the measurement before, by sensor.
     """
 
     time: float
@@ -50,16 +47,13 @@ class Measurement:
     twist: Floats
     q: Floats
     qd: Floats
-    specific_force: Floats
-    pressure: float
+    readings: Mapping[str, Reading]
 
 
-class Sensors:
-    """Values of all sensors of a simulated vehicle: the only place where they are computed.
+class MeasuredState:
+    """Pose, twist and joints of a simulated vehicle as its environment observes them, with noise, bias and delay.
 
-    Pose, twist and joints have the noise, bias and delay of the environment's observation; specific force and pressure
-    are exact. `deviations` are standard deviations of the noise by quantity (see the disturbance `noise`), empty
-    without noise.
+    `deviations` are standard deviations of the noise by quantity (see the disturbance `noise`), empty without noise.
 
     Raises
     ------
@@ -67,45 +61,32 @@ class Sensors:
         A noisy or late environment of a task other than station keeping, whose errors belong to a moving target.
     """
 
-    def __init__(self, env: TaskEnv, depth: float = DEPTH) -> None:
-        components, water = policy_contract(env)["disturbance"], env.snapshot().scene["water"]
-        self.deviations: dict[str, float] = dict(components.get("noise") or {})
+    def __init__(self, env: TaskEnv) -> None:
+        self.deviations: dict[str, float] = dict(policy_contract(env)["disturbance"].get("noise") or {})
         self._exact = not self.deviations and env._native.delays == (0, 0)
         if not self._exact and env.task != "station-keep":
             raise ValueError(f"noise and delay are for station keeping, not for {env.task}: set both to None")
-        self._env, self._depth = env, depth
-        self._gravity, self._density = np.array(water["gravity"]), float(water["density"])
+        self._env = env
         self._pose = Simulator(env._native.scene, 1)
         self._home = self._pose.q[0]
-        self._velocity: Floats | None = None
 
-    def read(self, time: float, observation: NDArray[Any]) -> Measurement:
-        """Values at the present state, whose observation (d,) is given; time 0 begins an episode."""
-        true = self._env.snapshot()
-        rotation, velocity = true.rotation[0], true.rotation[0] @ true.twist[0, :3]
-        before = velocity if time == 0.0 or self._velocity is None else self._velocity
-        self._velocity = velocity
-        force = rotation.T @ ((velocity - before) / self._env.control_period - self._gravity)
-        depth = max(0.0, self._depth - float(true.position[0, 2]))
-        pressure = ATMOSPHERE + self._density * float(np.linalg.norm(self._gravity)) * depth
+    def read(self, observation: NDArray[Any]) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Position, quaternion, twist, q and qd at the present state, whose observation (d,) is given."""
         if self._exact:
-            position, quaternion, twist = true.position[0], true.quaternion[0], true.twist[0]
-            return Measurement(time, position, quaternion, twist, true.q[0], true.qd[0], force, pressure)
+            true = self._env.snapshot()
+            return true.position[0], true.quaternion[0], true.twist[0], true.q[0], true.qd[0]
         e = {b.name: observation[b.slice] * np.array(b.scale) for b in self._env.layout}
         target = self._env.episode
         angle = float(np.linalg.norm(e["attitude_error"]))
         axis = e["attitude_error"] / angle if angle > 0.0 else np.array([1.0, 0.0, 0.0])
         measured = target["target_rotation"][0] @ _rotations.about(axis, angle)
         self._pose.set_state(rotation=measured)
-        return Measurement(
-            time,
+        return (
             target["target_position"][0] + measured @ e["position_error"],
             self._pose.quaternion[0],
             np.concatenate([e["linear_velocity"], e["angular_velocity"]]),
             e["joint_position"] + self._home if len(self._home) else self._home,
             e["joint_rate"] if len(self._home) else self._home,
-            force,
-            pressure,
         )
 
 
@@ -119,12 +100,12 @@ class SimulatedVehicle:
     env : TaskEnv
         Environment with `action="thrusters"`.
     seed : int
-        Seed of its episodes.
-    depth : float
-        Depth of the world's origin, m, for the pressure.
+        Seed of its episodes, and of the noise of the instruments.
+    sensors : dict
+        Settings of the instruments that differ from their defaults: see `Instruments`.
     """
 
-    def __init__(self, env: TaskEnv, seed: int = 0, depth: float = DEPTH) -> None:
+    def __init__(self, env: TaskEnv, seed: int = 0, sensors: Mapping[str, Any] | None = None) -> None:
         if env.options.action != "thrusters":
             raise ValueError(f"action is {env.options.action!r}, but must be 'thrusters'")
         self.env, self.period = env, env.control_period
@@ -135,7 +116,8 @@ class SimulatedVehicle:
         self._low, self._high = (np.array([getattr(block, end)[0] for block in limits]) for end in ("low", "high"))
         #: Names of joints that efforts move; where there are none the joints follow targets.
         self.driven = [block.name for block in limits[len(self.thrusters) :]]
-        self.sensors = Sensors(env, depth)
+        self.state = MeasuredState(env)
+        self.instruments = Instruments(self._model, sensors or {}, seed, self.period)
         self._columns = _reference_columns(env) if self.joints and not self.driven else []
         self.episode = -1
         self.reset()
@@ -148,8 +130,9 @@ class SimulatedVehicle:
         self._thrust = np.zeros(len(self._low))
         self._target: Floats | None = None
         self._commanded = {"thrusts": -math.inf, "joints": -math.inf}
-        self.measurement = self.sensors.read(0.0, observation)
-        return self.measurement
+        if self.episode > 0:
+            self.instruments.reset()
+        return self._measure(observation)
 
     @property
     def silent(self) -> bool:
@@ -201,7 +184,11 @@ class SimulatedVehicle:
         observation, _, self.over, _, self.info = self.env.step(action.astype(np.float32))
         self.steps += 1
         self.time = self.steps * self.period
-        self.measurement = self.sensors.read(self.time, observation)
+        return self._measure(observation)
+
+    def _measure(self, observation: NDArray[Any]) -> Measurement:
+        readings = self.instruments.read(self.env.snapshot())
+        self.measurement = Measurement(self.time, *self.state.read(observation), readings)
         return self.measurement
 
     def _stale(self, kind: str) -> bool:
