@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from uvms_gym import _rotations as rotations
 from uvms_gym._core import Simulator, load_scene
+from uvms_gym.logs.channel_map import Axis, in_scene_order
 from uvms_gym.logs.errors import LogError
-from uvms_gym.logs.map import Axis, LogMap, in_scene_order
+from uvms_gym.logs.map import LogMap
 
 Floats = NDArray[np.float64]
 #: Number of channels by the first number of a packet.
@@ -95,8 +96,9 @@ class Bridge:
         self._axes = in_scene_order("thrusters", channel, Simulator(self._scene).thruster_names)
         self._supply = channel.supply
         self._channels = [_channel(found.name, axis) for axis in self._axes]
-        if channel.supply is None and (axis := next((a for a in self._axes if a.curve and len(a.curve.voltage)), None)):
-            raise channel.place.error("voltage", f"is missing: the curve of {axis.name} depends on it")
+        needing = [axis.name for axis in self._axes if axis.curve is not None and axis.curve.needs_voltage]
+        if needing and channel.supply is None:
+            raise channel.place.error("voltage", f"is missing: the curve of {needing[0]} depends on it")
         self._last: Packet | None = None
         self._answer = b""
         self._simulator: Simulator | None = None

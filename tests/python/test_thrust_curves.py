@@ -10,6 +10,7 @@ from log_files import write_table
 import uvms_gym
 from uvms_gym import Log, LogError
 
+T200 = Path(__file__).parents[2] / "src" / "description" / "t200.csv"
 PULSES = np.array([1100.0, 1300.0, 1465.0, 1500.0, 1520.0, 1600.0, 1750.0, 1900.0, 0.0])
 TABLE = "# a bench\npulse,10V,12V,16 V\n1100,-20,-28,-40\n1480,0,0,0\n\n1520,0,0,0\n1900,30,36,52\n"
 
@@ -37,6 +38,25 @@ def test_val_the_named_curve_is_the_makers_table_at_16_volts(tmp_path: Path) -> 
     pulses = np.array([1100.0, 1200.0, 1400.0, 1480.0, 1520.0, 1600.0, 1700.0, 1800.0, 1900.0, 0.0])
     thrust = command(tmp_path, {"curve": "t200"}, pulses).thrusters.command[:, 0]
     assert np.allclose(thrust, [-39.91, -26.56, -4.72, 0.0, 0.0, 5.92, 17.88, 33.54, 51.44, 0.0], atol=1e-12)
+
+
+def test_val_the_named_curve_is_the_makers_table_at_the_logged_voltage(tmp_path: Path) -> None:
+    rows = {row[0]: row[1:] for row in np.loadtxt(T200, delimiter=",", skiprows=2)}
+    pulses = np.array([1100.0, 1300.0, 1600.0, 1900.0, 1600.0, 1600.0, 1600.0, 1600.0, 0.0])
+    log = command(tmp_path, {"curve": "t200"}, pulses, volts=[12.0, 16.0, 20.0])
+    voltage = log.battery.voltage_at(log.thrusters.time)
+    assert voltage.tolist() == pytest.approx([12, 13, 14, 15, 16, 17, 18, 19, 20])
+    at = [np.interp(v, np.arange(10.0, 21.0, 2.0), rows[p]) if p else 0.0 for p, v in zip(pulses, voltage)]
+    assert np.allclose(log.thrusters.command[:, 0], at, atol=1e-12) and log.thrusters.notes == ()
+    assert np.ptp(log.thrusters.command[4:8, 0]) > 0.2
+    for volts in (10.0, 13.0, 20.0):
+        one = command(tmp_path, {"curve": "t200"}, pulses, voltage=volts).thrusters
+        assert np.allclose(one.command[:-1, 0], uvms_gym.thrust_of(pulses[:-1], "t200", volts), atol=1e-12)
+    assert command(tmp_path, {"curve": "t200"}, pulses).thrusters.notes == (
+        "thrust at 16 V, as the map has neither voltage nor battery",
+    )
+    with pytest.raises(LogError, match=r"line 2: the supply is 9\.5 V, outside of the curve of left, 10 to 20 V$"):
+        command(tmp_path, {"curve": "t200"}, pulses, volts=[9.5, 16.0, 16.0])
 
 
 def test_the_named_curve_is_the_scenes_map(tmp_path: Path) -> None:
@@ -88,7 +108,7 @@ def test_wrong_curves_are_refused(tmp_path: Path) -> None:
     axis = {"curve": "bench.csv"}
     with pytest.raises(LogError, match=r"thrusters\.voltage: is missing: the curve of left depends on it; also a chan"):
         command(tmp_path, axis)
-    with pytest.raises(LogError, match=r"line 2: the supply is 18 V, outside of the curve of left, 10 to 16 V$"):
+    with pytest.raises(LogError, match=r"thrusters\.voltage: 18 V is outside of the curve of left, 10 to 16 V$"):
         command(tmp_path, axis, voltage=18.0)
     with pytest.raises(LogError, match=r"line 2: C1 is 1099, outside of the curve of left, 1100 to 1900$"):
         command(tmp_path, axis, np.array([1099.0, 1500.0]), voltage=12.0)

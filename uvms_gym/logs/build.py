@@ -1,16 +1,16 @@
 """Channels from tables: checks, units, axes, clocks and outliers."""
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym import _rotations as rotations
+from uvms_gym.logs.channel_map import Axis, ChannelMap, Columns
 from uvms_gym.logs.channels import Attitude, Battery, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.curves import Curve
 from uvms_gym.logs.errors import LogError
-from uvms_gym.logs.map import Axis, ChannelMap, Columns
 from uvms_gym.logs.tables import Table
 from uvms_gym.logs.units import Floats
 
@@ -37,8 +37,13 @@ def make_channel(kind: str, found: ChannelMap, table: Table, battery: Battery | 
     keep = np.diff(time, prepend=-np.inf) > 0.0
     own = {"equal stamps": int(np.sum(~keep))}
     values: dict[str, Any] = _values(found, table)
+    notes = table.notes
     if found.axes:
-        values |= _axis_values(kind, found, table, _supply(found, table, time, battery))
+        supply = _supply(found, table, time, battery)
+        usual = {axis.curve.usual for axis in found.axes if axis.curve is not None and axis.curve.usual}
+        if supply is None and usual:
+            notes = (*notes, f"thrust at {max(usual):g} V, as the map has neither voltage nor battery")
+        values |= _axis_values(kind, found, table, supply)
     if np.isfinite(found.jump):
         keep[keep] = without_jumps(time[keep], values["quaternion"][keep], found.jump, found.gap)
         own["jumps"] = int(np.sum(~keep)) - sum(own.values())
@@ -53,7 +58,7 @@ def make_channel(kind: str, found: ChannelMap, table: Table, battery: Battery | 
         )
     samples: dict[str, Any] = {"time": time, **values}
     samples = {name: array[keep] if isinstance(array, np.ndarray) else array for name, array in samples.items()}
-    samples |= {"rows": table.rows, "dropped": dropped, "notes": table.notes}
+    samples |= {"rows": table.rows, "dropped": dropped, "notes": notes}
     return _TYPES[kind](source=table.source, gap=found.gap, **samples)
 
 
@@ -105,16 +110,17 @@ def _quaternions(columns: Columns, logged: Floats, table: Table) -> Floats:
 
 
 def _supply(found: ChannelMap, table: Table, time: Floats, battery: Battery | None) -> Floats | None:
-    """Supply voltages (n,) of the thrusters, V; None where no curve depends on them."""
+    """Supply voltages (n,) of the thrusters, V; None where none is known and no curve needs it."""
     curves = {axis.name: axis.curve for axis in found.axes if axis.curve is not None and len(axis.curve.voltage)}
-    if not curves:
+    if found.supply is not None:
+        return np.full(len(time), found.supply)
+    if battery is None:
+        if needing := [name for name, curve in curves.items() if curve.needs_voltage]:
+            raise found.place.error(
+                "voltage", f"is missing: the curve of {needing[0]} depends on it; also a channel battery can have it"
+            )
         return None
-    if found.supply is None and battery is None:
-        name = next(iter(curves))
-        raise found.place.error(
-            "voltage", f"is missing: the curve of {name} depends on it; also a channel battery can have it"
-        )
-    supply = np.full(len(time), found.supply) if found.supply is not None else cast(Battery, battery).voltage_at(time)
+    supply = battery.voltage_at(time)
     for name, curve in curves.items():
         low, high = curve.voltage[[0, -1]]
         for row in np.flatnonzero((supply < low) | (supply > high))[:1]:

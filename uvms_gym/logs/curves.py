@@ -22,12 +22,20 @@ class Curve:
     voltage: Floats
     #: (k, v) thrusts, N; (k, 1) at any voltage.
     thrust: Floats
+    #: Voltage where none is known, V; None: it must be known.
+    usual: float | None = None
+
+    @property
+    def needs_voltage(self) -> bool:
+        """Whether the thrust depends on the voltage, and there is no usual one."""
+        return len(self.voltage) > 0 and self.usual is None
 
     def __call__(self, command: Floats, voltage: Floats | None = None) -> Floats:
-        """Thrusts (n,), N, of commands (n,) at voltages (n,), within the curve's; no pulse, 0, gives none."""
+        """Thrusts (n,), N, of commands (n,) at voltages (n,) or the usual one; no pulse, 0, gives none."""
         columns = np.stack([np.interp(command, self.command, column) for column in self.thrust.T], axis=-1)
-        if len(self.voltage) and voltage is not None:
-            places = np.interp(voltage, self.voltage, np.arange(len(self.voltage), dtype=np.float64))
+        if len(self.voltage):
+            known = np.full(len(command), self.usual) if voltage is None else voltage
+            places = np.interp(known, self.voltage, np.arange(len(self.voltage), dtype=np.float64))
             low = np.minimum(places.astype(np.int64), len(self.voltage) - 2)
             share = (places - low)[:, None]
             columns = np.take_along_axis(columns, np.stack([low, low + 1], axis=-1), axis=1)
@@ -86,9 +94,10 @@ def read_curve(path: Path) -> Curve:
 
 
 def _t200() -> Curve:
-    """Bench table `"t200"` of scenes at 16 V."""
-    pulses = np.arange(1100.0, 1901.0, 20.0)
-    return Curve(pulses, np.empty(0), thrust_of(pulses)[:, None])
+    """Bench table `"t200"` of scenes, 10 to 20 V."""
+    pulses, voltages = np.arange(1100.0, 1901.0, 20.0), np.arange(10.0, 21.0, 2.0)
+    thrusts = thrust_of(np.tile(pulses[:, None], len(voltages)), "t200", np.tile(voltages, (len(pulses), 1)))
+    return Curve(pulses, voltages, thrusts, usual=16.0)
 
 
 #: Curves by name.

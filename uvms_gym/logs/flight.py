@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym._files import read
+from uvms_gym.logs.channel_map import ChannelMap
 from uvms_gym.logs.errors import LogError, reading
-from uvms_gym.logs.map import ChannelMap
 from uvms_gym.logs.tables import MAX_BYTES, Table, make_table
 from uvms_gym.logs.units import Floats
 

@@ -16,10 +16,11 @@ import numpy as np
 from uvms_gym import _core
 from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
+from uvms_gym.logs.channel_map import QUANTITIES, ChannelMap, in_scene_order
 from uvms_gym.logs.channels import Attitude, Battery, Channel, Imu, Joints, Pose, Thrusters, Twist
 from uvms_gym.logs.errors import LogError, reading
 from uvms_gym.logs.flight import read_flight_log
-from uvms_gym.logs.map import QUANTITIES, TRIAL, Bound, ChannelMap, LogMap, in_scene_order
+from uvms_gym.logs.map import TRIAL, Bound, LogMap
 from uvms_gym.logs.ros2 import read_bag
 from uvms_gym.logs.tables import Table, read_table
 from uvms_gym.logs.units import Floats

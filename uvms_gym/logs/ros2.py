@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym.logs.channel_map import ChannelMap
 from uvms_gym.logs.errors import LogError
-from uvms_gym.logs.map import ChannelMap
 from uvms_gym.logs.tables import Table, make_table
 from uvms_gym.logs.units import Floats
 
