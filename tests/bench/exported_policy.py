@@ -1,15 +1,19 @@
-"""Time of a call of exported policies: the C file at several flags, the ONNX graph, and the native policy.
+"""Every shipped policy as C and ONNX: agreement with the native policy over whole episodes, and time of a call.
 
     python tests/bench/exported_policy.py [--out docs/_static/exported-policy.json]
 
-Each is called with the same physical values on one thread; minima of interleaved rounds.
+Agreement: two episodes of the training's environment with a reset between them, without and with drop-outs, and with
+drop-outs where the environment has no delay and the exported policy holds the measurements back. Time: the C file at
+several flags, the ONNX graph, and the native policy on the same values, on one thread; minima of interleaved rounds.
 """
 
 import argparse
+import json
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,11 +22,17 @@ import gymnasium
 import numpy as np
 import onnxruntime
 
-from uvms_gym import export_policy, make_controller
-from uvms_gym.export.policy import policy_model
+import uvms_gym
+from uvms_gym import MLP, check_contract, export_policy, policy_contract
+from uvms_gym.export.policy import PolicyModel, policy_model
 from uvms_gym.studies.records import circumstances, write_json
 
-ENVS = {"UVMS-StationKeep-Storm-v0": "shac-distilled", "UVMS-EETrack-Storm-v0": "shac"}
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+from exported import CPolicy, OnnxPolicy, Vehicle, values_of
+
+#: Policies whose calls are timed.
+TIMED = {("UVMS-StationKeep", "shac-distilled"), ("UVMS-EETrack", "shac")}
+EPISODES = 2
 FLAGS = ("-O2", "-O2 -march=native", "-O3 -march=native")
 CALLS, ROUNDS = 100, 101
 _MAIN = """
@@ -67,34 +77,140 @@ def timed(call: Callable[[], Any]) -> float:
     return (time.perf_counter() - begun) / CALLS * 1e6
 
 
+def shipped() -> Iterator[tuple[str, str, Path]]:
+    """Task, name and file of every shipped policy."""
+    folder = Path(uvms_gym.__file__).parent / "pretrained"
+    for file in sorted(folder.glob("*/*/*/*.safetensors")):
+        yield file.relative_to(folder).parts[0], file.stem.rpartition("-")[0], file
+
+
+class Exact:
+    """The network in double precision, on the observations of the native policy."""
+
+    def __init__(self, model: PolicyModel) -> None:
+        self._model = model
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._stack = np.zeros((self._model.history, self._model.observation))
+
+    def step(self, observation: Any) -> Any:
+        """Action (a,)."""
+        model, self._stack = self._model, np.vstack([self._stack[1:], observation])
+        x = self._stack.ravel()
+        if model.normalisation is not None:
+            mean, factor, clip = (np.asarray(part, dtype=np.float64) for part in model.normalisation)
+            x = np.clip((x - mean) * factor, -clip, clip)
+        for k, (weights, biases) in enumerate(model.layers):
+            x = weights.astype(np.float64) @ x + biases
+            if k + 1 < len(model.layers):
+                x = {"tanh": np.tanh, "relu": lambda y: np.maximum(y, 0.0), "elu": _elu}[model.activation](x)
+        return np.tanh(x) if model.output == "tanh" else np.clip(x, -1.0, 1.0)
+
+
+def _elu(x: Any) -> Any:
+    return np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
+
+
+def agreement(policy: MLP, env: Any, delay: int, dropouts: bool, form: str) -> dict[str, Any]:
+    """Calls, and how far an exported policy is from the native one on observations by the contract."""
+    model, rng = policy_model(policy, env, delay=delay), np.random.default_rng(0)
+    found = {"form": form, "further_delay": delay, "dropouts": dropouts, "calls": 0, "missing": 0, "different_bits": 0}
+    largest, exact = {"observation": 0.0, "action": 0.0, "native_from_exact": 0.0}, Exact(model)
+    with tempfile.TemporaryDirectory() as folder:
+        contract = export_policy(policy, file := Path(folder, f"policy.{form}"), env, delay=delay)
+        reference = Vehicle(policy, json.loads(contract.read_text()))
+        exported = CPolicy(file) if form == "c" else OnnxPolicy(file)
+        for seed in range(EPISODES):
+            for one in (reference, exported, exact):
+                one.reset()
+            (observation, _), over = env.reset(seed=seed), False
+            while not over:
+                values = values_of(observation, model)
+                if dropouts:
+                    missing = rng.uniform(size=model.inputs) < rng.choice([0.0, 0.3, 1.0], p=[0.6, 0.3, 0.1])
+                    values[missing] = np.nan
+                    found["missing"] += int(missing.sum())
+                expected, given = reference.step(model, values), exported.step(model, values)
+                found["calls"] += 1
+                found["different_bits"] += any(e.tobytes() != g.tobytes() for e, g in zip(expected, given))
+                pairs = zip((*expected, expected[1]), (*given, exact.step(expected[0])))
+                for name, (e, g) in zip(largest, pairs):
+                    largest[name] = max(largest[name], float(np.abs(e - g).max()))
+                # The exported policy closes the loop, and its action is the last one of both.
+                reference.action = given[1]
+                observation, _, terminated, truncated, _ = env.step(given[1])
+                over = terminated or truncated
+    return {**found, "largest_difference": largest}
+
+
+def refusal(policy: MLP, env: Any, other: Any) -> str:
+    """Refusal of another environment by the exported contract."""
+    with tempfile.TemporaryDirectory() as folder:
+        contract = export_policy(policy, Path(folder, "policy.c"), env)
+        check_contract(contract, env, controller=policy)
+        try:
+            check_contract(contract, other)
+        except ValueError as error:
+            return str(error).partition(": ")[2]
+    raise AssertionError("another environment is not refused")
+
+
+def call_times(policy: MLP, model: PolicyModel, env: Any) -> dict[str, float]:
+    """Minima of the times of a call, us."""
+    with tempfile.TemporaryDirectory() as folder:
+        for ending in ("c", "onnx"):
+            export_policy(policy, Path(folder, f"policy.{ending}"), env)
+        calls = {f"C, {flags}": c_call(Path(folder), k, flags) for k, flags in enumerate(FLAGS)}
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        session = onnxruntime.InferenceSession(Path(folder, "policy.onnx"), options)
+        kinds = {"tensor(double)": np.float64, "tensor(float)": np.float32, "tensor(bool)": np.bool_}
+        feed = {one.name: np.zeros((1, one.shape[1]), dtype=kinds[one.type]) for one in session.get_inputs()}
+        calls["ONNX Runtime"] = partial(timed, partial(session.run, None, feed))
+        observation, state = np.zeros((1, model.observation), np.float32), np.zeros((1, policy.native.widths[1]))
+        calls["native, from Python"] = partial(timed, partial(policy.native.act, observation, state))
+        found: dict[str, list[float]] = {label: [] for label in calls}
+        for _ in range(ROUNDS):
+            for label, call in calls.items():
+                found[label].append(call())
+    return {label: min(times) for label, times in found.items()}
+
+
 def main() -> None:
-    """Time the shipped policies and write minima."""
+    """Compare and time the shipped policies, print and write all; no difference is left without an error."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", type=Path, default=Path("docs/_static/exported-policy.json"))
     out, rows = parser.parse_args().out, []
-    for env_id, name in ENVS.items():
-        env = gymnasium.make(env_id)
-        policy: Any = make_controller(name, env)
-        model = policy_model(policy, env)
-        with tempfile.TemporaryDirectory() as folder:
-            for ending in ("c", "onnx"):
-                export_policy(policy, Path(folder, f"policy.{ending}"), env)
-            calls = {f"C, {flags}": c_call(Path(folder), k, flags) for k, flags in enumerate(FLAGS)}
-            options = onnxruntime.SessionOptions()
-            options.intra_op_num_threads = 1
-            session = onnxruntime.InferenceSession(Path(folder, "policy.onnx"), options)
-            kinds = {"tensor(double)": np.float64, "tensor(float)": np.float32, "tensor(bool)": np.bool_}
-            feed = {one.name: np.zeros((1, one.shape[1]), dtype=kinds[one.type]) for one in session.get_inputs()}
-            calls["ONNX Runtime"] = partial(timed, partial(session.run, None, feed))
-            observation, state = np.zeros((1, model.observation), np.float32), np.zeros((1, policy.native.widths[1]))
-            calls["native, from Python"] = partial(timed, partial(policy.native.act, observation, state))
-            found: dict[str, list[float]] = {label: [] for label in calls}
-            for _ in range(ROUNDS):
-                for label, call in calls.items():
-                    found[label].append(call())
-        minima = {label: min(times) for label, times in found.items()}
-        rows.append({"env": env_id, "policy": name, "sizes": policy.sizes, "microseconds": minima})
-        print(env_id, name, policy.sizes, {label: round(value, 2) for label, value in minima.items()})
+    for task, name, file in shipped():
+        policy: Any = MLP.load(file, residual=True)
+        row: dict[str, Any] = {"task": task, "policy": name, "sizes": policy.sizes, "history": policy.history}
+        rows.append(row)
+        env_id, arguments = policy.notes["environment"], json.loads(policy.notes.get("env_kwargs", "{}"))
+        env = gymnasium.make(env_id, **arguments)
+        row["env"] = env_id
+        if policy.residual:
+            try:
+                policy_model(policy, env)
+            except ValueError as error:
+                row["refused"] = str(error)
+            print(env_id, name, row["refused"], flush=True)
+            continue
+        level = {"base": policy_contract(env)["level"], "delay": {"periods": 0}}
+        prompt = gymnasium.make(env_id, **{**arguments, "disturbance": level})
+        cases = ((env, 0, False), (env, 0, True), (prompt, 1, True))
+        row["agreement"] = [agreement(policy, *case, form) for form in ("c", "onnx") for case in cases]
+        row["mismatch"] = refusal(policy, env, gymnasium.make(env_id, **{**arguments, "thruster_lag": 0.3}))
+        if (task, name) in TIMED:
+            row["microseconds"] = call_times(policy, policy_model(policy, env), env)
+        print(env_id, name, policy.sizes, row, flush=True)
+        for one in row["agreement"]:
+            # Single precision has a limit of its own: the native policy's distance from the exact network.
+            found = one["largest_difference"]
+            near = found["action"] <= max(1e-6, 1.5 * found["native_from_exact"])
+            sound = near if one["form"] == "onnx" else one["different_bits"] == 0
+            assert sound, one
     write_json(out, {"circumstances": circumstances("tests/bench/exported_policy.py", {}), "rows": rows})
 
 

@@ -187,6 +187,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--out", type=Path, default=Path("docs/_static/ros2/results.json"))
     given = parser.parse_args()
+    given.out.parent.mkdir(parents=True, exist_ok=True)
     rows = compared(given.controllers, given.seeds)
     summary = [summarised(rows, name) for name in given.controllers]
     stopped = [interrupted(name, 4) for name in given.controllers]
