@@ -13,7 +13,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,8 +24,6 @@ from uvms_gym import make_controller
 from uvms_gym.studies.records import circumstances, write_json
 
 ENV, SECONDS = "UVMS-StationKeep-Storm-v0", 20.0
-#: Time by which controllers start before the vehicle, s.
-HEAD_START = 6.0
 MEASURES = {"rms_position_error": ("mm", 1e3), "rms_attitude_error": ("mrad", 1e3)}
 #: Maximum difference of the mean errors from in process.
 BAR = 0.1
@@ -49,15 +46,20 @@ def in_process(name: str, seed: int, episode: int = 0, seconds: float = SECONDS)
     return dict(info)
 
 
+def started(control: list[str]) -> subprocess.Popen[bytes]:
+    """Process of a controller that waits for the vehicle, which would drift until the controller comes."""
+    made = subprocess.Popen(control, stdout=subprocess.PIPE, stderr=QUIET, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    assert made.stdout is not None and b"waits for" in made.stdout.readline()
+    return made
+
+
 def through_ros(name: str, seed: int, *options: str) -> dict[str, float]:
     """Metrics and round trips of the episode through two processes."""
     with tempfile.TemporaryDirectory() as folder:
         file, common = Path(folder, "r.json"), ["--env", ENV, "--seed", str(seed)]
         # The last command is on the measurement a period before the end.
         control = [*UVMS, "control", *common, "--controller", name, "--seconds", f"{SECONDS - 0.1:g}", "--wait", "30"]
-        with subprocess.Popen(control, stdout=QUIET, stderr=QUIET) as other:
-            # The vehicle drifts until a controller comes: it waits for the vehicle.
-            time.sleep(HEAD_START)
+        with started(control) as other:
             simulate = [*UVMS, "simulate", *common, "--seconds", f"{SECONDS:g}", "--json", str(file), *options]
             subprocess.run(simulate, check=True, stdout=QUIET, stderr=QUIET)
             try:
@@ -139,8 +141,7 @@ def interrupted(name: str, seed: int) -> dict[str, Any]:
         file, log = Path(folder, "r.json"), Path(folder, "log")
         kept = guest.node.create_subscription(SENSORS["odom"], "odom", hear, 100)
         client = guest.node.create_client(Trigger, "reset")
-        first = subprocess.Popen([*control, "--seconds", f"{ENDED:g}"], stdout=QUIET, stderr=QUIET)
-        time.sleep(HEAD_START)
+        first = started([*control, "--seconds", f"{ENDED:g}"])
         with log.open("w") as lines:
             simulate = [*UVMS, "simulate", *common, "--seconds", f"{AFTER:g}", "--json", str(file)]
             vehicle = subprocess.Popen(simulate, stdout=QUIET, stderr=lines)

@@ -144,6 +144,8 @@ def control(
         observer = Observer(made, chosen, seed, start)
     with user_errors(), session("uvms_controller", namespace, remap or (), list(COMMANDS)) as running:
         node = ControllerNode(running, observer, patience=wait)
+        name, topic = running.node.get_fully_qualified_name(), running.node.resolve_topic_name("odom")
+        line(f"{name} waits for {topic}; Ctrl-C ends it")
         try:
             node.run(float("inf") if seconds is None else seconds)
         except KeyboardInterrupt:
