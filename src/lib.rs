@@ -41,6 +41,7 @@
 //! control       thruster allocation, actuation, controllers, observers, neural networks
 //! task          tasks: episodes, disturbances, observation, reward, metrics
 //! sensors       IMU, DVL, depth, heading and acoustic fixes from the motion
+//! navigation    error-state Kalman filter on SE(3)
 //! batch         blocks of lanes, threads, closed loops
 //! planning      trajectory optimisation on the steps of a simulator
 //! python        the Python module: a crate above this one
@@ -63,6 +64,7 @@ pub mod keys;
 pub mod lane;
 pub mod lie;
 pub mod limits;
+pub mod navigation;
 pub mod optimize;
 pub mod planning;
 pub mod render;

@@ -6,6 +6,7 @@ Importing it registers the environments with Gymnasium.
 try:
     from uvms_gym._core import (
         ATTITUDE_LEVER,
+        NavigationFilter,
         Renderer,
         SceneError,
         Sensors,
@@ -86,6 +87,7 @@ __all__ = [
     "Log",
     "LogError",
     "LogMap",
+    "NavigationFilter",
     "PDRestoring",
     "Renderer",
     "Residual",

@@ -14,6 +14,7 @@ __all__ = [
     "ATTITUDE_LEVER",
     "Controller",
     "Mlp",
+    "NavigationFilter",
     "Renderer",
     "Rollout",
     "SceneError",
@@ -194,6 +195,56 @@ class Sensors:
 
     def biases(self) -> dict[str, _Floats]:
         """Biases now: "imu" (N, 6), m/s2 and rad/s; "depth" (N, 1), m; "heading" (N, 1), rad."""
+
+@final
+class NavigationFilter:
+    """Error-state Kalman filter on SE(3): pose, twist and biases of vehicles from the readings of their sensors."""
+    def __new__(cls, suite: Mapping[str, Any] | Sequence[str] | None = None, num_envs: int = 1) -> NavigationFilter: ...
+    @property
+    def num_envs(self) -> int:
+        """Number of instances N."""
+
+    @property
+    def suite(self) -> dict[str, dict[str, Any]]:
+        """All settings of the sensors, by name."""
+
+    def reset(
+        self,
+        simulator: Simulator,
+        position: _Rows = None,
+        rotation: _Rows = None,
+        twist: _Rows = None,
+        *,
+        deviations: tuple[float, float, float] = (0.1, 0.05, 0.05),
+        mask: ArrayLike | None = None,
+    ) -> None:
+        """Start at given poses and twists, or at the simulator's, with deviations of the errors: m, rad, m/s."""
+
+    def update(self, readings: Mapping[str, Any]) -> None:
+        """Move with the IMU and correct by the other sensors: readings of `Sensors.measure`."""
+
+    @property
+    def position(self) -> _Floats:
+        """(N, 3) estimated vehicle origin in the world, m."""
+
+    @property
+    def rotation(self) -> _Floats:
+        """(N, 3, 3) estimated rotation, body to world."""
+
+    @property
+    def twist(self) -> _Floats:
+        """(N, 6) estimated absolute body twist, m/s and rad/s."""
+
+    @property
+    def covariance(self) -> _Floats:
+        """(N, 12, 12) covariance of the errors of pose and twist in body axes."""
+
+    @property
+    def biases(self) -> _Floats:
+        """(N, 6) estimated biases of specific force and angular velocity along the vehicle's axes."""
+
+    def innovations(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """Innovations of the last update by sensor: `nis`, `degrees` and `accepted`, (N,) each."""
 
 @final
 class Simulator:

@@ -1,4 +1,4 @@
-//! Errors of sensors.
+//! Errors of sensors and of the navigation filter.
 
 /// Invalid settings of sensors, or readings that do not fit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -17,4 +17,7 @@ pub enum SensorError {
     /// Number of instances other than at construction.
     #[error("{got} instances, but there are {expected}")]
     Instances { expected: usize, got: usize },
+    /// Update before the filter has a start.
+    #[error("instance {instance} of the filter has no start: call reset() first")]
+    NotBegun { instance: usize },
 }

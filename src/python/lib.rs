@@ -15,6 +15,7 @@ mod inverse_dynamics;
 mod layout;
 mod model;
 mod motion;
+mod navigation;
 mod outputs;
 mod parameters;
 mod planning;
@@ -43,6 +44,8 @@ mod core {
     use super::disturbance::disturbance_levels;
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
+    #[pymodule_export]
+    use super::navigation::NavigationFilter;
     #[pymodule_export]
     use super::planning::{optimize_trajectory, trajectory_inputs};
     #[pymodule_export]

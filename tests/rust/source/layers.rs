@@ -8,7 +8,7 @@ use std::path::Path;
 use super::{files, source};
 
 /// Layers, lowest first, and what each may import. Every layer may import `error`.
-const LAYERS: [(&str, &str); 23] = [
+const LAYERS: [(&str, &str); 24] = [
     ("lane", ""),
     ("error", "lane"),
     ("limits", ""),
@@ -29,12 +29,13 @@ const LAYERS: [(&str, &str); 23] = [
     ("control", "lane limits lie spatial description system dynamics optimize"),
     ("task", "lane limits lie spatial hydro description system dynamics control"),
     ("sensors", "lie task"),
+    ("navigation", "lie sensors"),
     ("batch", "lane limits lie spatial hydro terms description system dynamics integrate control task"),
     ("planning", "lane limits lie system batch optimize"),
     (
         "python",
         "optimize planning lane limits lie spatial hydro terms description system dynamics integrate control task batch estimate \
-         robot render sensors",
+         robot render sensors navigation",
     ),
 ];
 
