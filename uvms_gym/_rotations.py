@@ -92,9 +92,31 @@ def skew(v: ArrayLike) -> Floats:
 
 
 def about(axis: ArrayLike, angle: ArrayLike) -> Floats:
-    """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), rad: Rodrigues' formula."""
+    """Rotation matrices (..., 3, 3) about unit vectors (..., 3) by angles (...), rad: Rodrigues' formula."""
     angles, hat = np.asarray(angle, dtype=np.float64)[..., None, None], skew(axis)
     return np.asarray(np.eye(3) + np.sin(angles) * hat + (1.0 - np.cos(angles)) * (hat @ hat))
+
+
+def exponential(w: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad."""
+    angle = np.linalg.norm(w, axis=-1)
+    return about(w / np.maximum(angle, 1e-300)[..., None], angle)
+
+
+def logarithm(R: Floats) -> Floats:
+    """Rotation vectors (n, 3), rad, of rotation matrices (n, 3, 3), at most pi long."""
+    sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2.0
+    size, cosine = np.linalg.norm(sine, axis=1), (np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0
+    angle = np.arctan2(size, cosine)
+    w = sine * np.where(size < 1e-8, 1.0, angle / np.maximum(size, 1e-300))[:, None]
+    # Near half a turn the axis a comes from (R + R^T) / 2 = cos + (1 - cos) a a^T.
+    near = cosine < -0.99
+    outer = (R[near] + np.swapaxes(R[near], 1, 2)) / 2.0 - cosine[near, None, None] * np.eye(3)
+    longest = np.argmax(np.linalg.norm(outer, axis=1), axis=1)
+    axis = np.take_along_axis(outer, longest[:, None, None], axis=2)[:, :, 0]
+    axis *= np.where(np.sum(axis * sine[near], axis=1) < 0.0, -1.0, 1.0)[:, None]
+    w[near] = axis / np.linalg.norm(axis, axis=1, keepdims=True) * angle[near, None]
+    return w
 
 
 def slerp(time: Floats, q: Floats, times: Floats) -> Floats:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uvms_gym.controllers import Controller
 from uvms_gym.envs.base import TaskVectorEnv
+from uvms_gym.envs.navigation import NavigationObservation
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ class Rollout:
     Parameters
     ----------
     env : UVMS vector environment
-        Reset before the first `run`. Wrappers do not matter.
+        Reset before the first `run`. Wrappers do not matter, except `NavigationObservation`, which is refused.
     controller : uvms_gym.controllers.Controller
         Its memory starts with the rollout.
     trace : sequence of int
@@ -79,7 +80,7 @@ class Rollout:
     Raises
     ------
     TypeError
-        Other kind of environment or controller.
+        Other kind of environment or controller, or an environment with `NavigationObservation`.
     ValueError
         Instance out of range; from `run`, a controller for other observations or actions.
     """
@@ -90,6 +91,11 @@ class Rollout:
             raise TypeError(f"a rollout takes a native UVMS vector environment, not {type(inner).__name__}")
         if not isinstance(controller, Controller):
             raise TypeError(f"a rollout takes a controller of uvms_gym, not {type(controller).__name__}")
+        wrapper = env
+        while wrapper is not inner:
+            if isinstance(wrapper, NavigationObservation):
+                raise TypeError("a rollout runs without wrappers, but env has NavigationObservation")
+            wrapper = wrapper.env
         self._env, self._controller = inner, controller
         self._rollout = inner._native.rollout(controller.native, list(trace))
 

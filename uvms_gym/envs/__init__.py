@@ -11,6 +11,7 @@ from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 from uvms_gym.envs.button import ButtonEnv, ButtonOptions, ButtonVectorEnv
 from uvms_gym.envs.dock import DockEnv, DockOptions, DockVectorEnv
 from uvms_gym.envs.ee_track import EETrackEnv, EETrackOptions, EETrackVectorEnv
+from uvms_gym.envs.navigation import NavigationObservation
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepOptions, StationKeepVectorEnv
 from uvms_gym.envs.valve import ValveEnv, ValveOptions, ValveVectorEnv
 
@@ -27,6 +28,7 @@ __all__ = [
     "EETrackEnv",
     "EETrackOptions",
     "EETrackVectorEnv",
+    "NavigationObservation",
     "Preview",
     "RewardWeights",
     "StationKeepEnv",
