@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -23,8 +24,8 @@ from uvms_gym.logs.map import LogMap
 Floats = NDArray[np.float64]
 #: Number of channels by the first number of a packet.
 CHANNELS = {18458: 16, 29569: 32}
-#: Size of packets, and maximum step of the physics, s.
-_MOST, _STEP = 1024, 0.01
+#: Maximum size of a UDP packet, bytes, and maximum step of the physics, s.
+_MOST, _STEP = 65535, 0.01
 #: Library's axes (world north, west, up; body forward, left, up) to ArduPilot's (north, east, down; forward, right,
 #: down), and back: the one place where they are converted.
 _SIGNS = np.array([1.0, -1.0, -1.0])
@@ -132,6 +133,8 @@ class Bridge:
             self._simulator = None
         elif packet.frame > last.frame + 1:
             remark = f"{packet.frame - last.frame - 1} frames are missing before frame {packet.frame}"
+        elif packet.rate != last.rate:
+            remark = f"frame rate {packet.rate} Hz instead of {last.rate} Hz from frame {packet.frame} on"
         simulator = self._at_rate(packet.rate)
         before = simulator.rotation[0] @ simulator.twist[0, :3]
         simulator.step(thrust=self.thrusts(packet.pulses), substeps=max(1, round(self._period / simulator.dt)))
@@ -188,15 +191,22 @@ def _reply(simulator: Simulator, force: Floats, time: float, supply: float | Non
 def serve(bridge: Bridge, host: str, port: int, report: Callable[[str], object], count: int | None = None) -> None:
     """Answer packets at a UDP port, each to its sender, until an interrupt or for a number of answers.
 
-    `report` is called with one line for each remark; a packet that cannot be read is one, and gets no answer.
+    `report` is called with one line for the open port and for each remark; a packet that cannot be read is one, and
+    gets no answer.
 
     Raises
     ------
-    OSError
-        The port is taken.
+    ValueError
+        The port is taken, or the address is not of this machine.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind((host, port))
+        try:
+            link.bind((host, port))
+        except OSError as error:
+            here = error.errno == errno.EADDRINUSE or isinstance(error, PermissionError)
+            place = f"port {port} at {host}" if here else f"host {host!r}"
+            raise ValueError(f"{place}: {(error.strerror or str(error)).lower()}") from None
+        report(f"waiting for packets at {host}:{port} (Ctrl-C ends it)")
         while count is None or count > 0:
             data, sender = link.recvfrom(_MOST)
             try:

@@ -159,7 +159,9 @@ def test_frames_are_answered_once_repeated_and_restarted() -> None:
     restarted, said = bridge.answer(parse(packet(0, push)))
     assert said == "restart at frame 0" and restarted == first
     # Another rate: time and state go on.
-    faster = sensors(bridge.answer(parse(packet(1, push, rate=100)))[0])
+    answer, said = bridge.answer(parse(packet(1, push, rate=100)))
+    faster = sensors(answer)
+    assert said == "frame rate 100 Hz instead of 400 Hz from frame 1 on"
     assert faster["timestamp"] == pytest.approx(1 / 400 + 1 / 100)
     assert np.all(np.abs(faster["velocity"]) >= np.abs(sensors(first)["velocity"]))
     slow = Bridge(SCENE, MAP)
@@ -197,7 +199,8 @@ def test_packets_by_udp_get_answers_and_bad_ones_a_line() -> None:
     thread.join(10.0)
     assert not thread.is_alive() and len(answers) == 3
     assert sensors(answers[1])["timestamp"] == pytest.approx(2 / 400) and answers[2] == answers[1]
-    assert said[0] == "connected at 400 Hz" and said[-1] == "frame 1 again: answered again"
+    assert said[:2] == [f"waiting for packets at 127.0.0.1:{port} (Ctrl-C ends it)", "connected at 400 Hz"]
+    assert said[-1] == "frame 1 again: answered again"
     assert any(text.endswith("packet of 20 bytes, but with 16 channels it has 40; left out") for text in said)
 
 
@@ -206,7 +209,9 @@ def test_mistakes_are_one_line(tmp_path: Path, capsys: Any) -> None:
         taken.bind(("127.0.0.1", 0))
         port = str(taken.getsockname()[1])
         assert main(["ardupilot", SCENE, "--map", str(MAP), "--port", port]) == 2
-    assert capsys.readouterr().err == f"uvms: --port is {port}, but 127.0.0.1 refuses it: Address already in use\n"
+    assert capsys.readouterr() == ("", f"uvms: port {port} at 127.0.0.1: address already in use\n")
+    assert main(["ardupilot", SCENE, "--map", str(MAP), "--host", "192.0.2.1"]) == 2
+    assert capsys.readouterr() == ("", "uvms: host '192.0.2.1': cannot assign requested address\n")
     axes = {name: {"command": f"C{k}", "curve": "t200"} for k, name in enumerate(names(), 1)}
     channel: dict[str, Any] = {"file": "a.BIN", "message": "RCOU", "axes": axes}
     for wrong, text in (

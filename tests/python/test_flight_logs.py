@@ -220,6 +220,33 @@ def test_a_ulog_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("title", "damage"),
+    [
+        ("lost", lambda data, k: data[:k] + data[k + 37 :]),
+        ("cut", lambda data, k: data[:k]),
+        ("zeros", lambda data, k: data[:k] + bytes(100) + data[k:]),
+        ("others", lambda data, k: data[:k] + bytes(range(256)) + data[k:]),
+    ],
+)
+def test_a_ulog_is_read_behind_its_damage(tmp_path: Path, title: str, damage: Any, capfd: Any) -> None:
+    thrusters = {"file": "log.ulg", "message": "actuator_outputs", "axes": {"a": {"command": "output[0]"}}}
+    file = ulog(tmp_path) / "log.ulg"
+    data = file.read_bytes()
+    for k in range(len(data) // 2, len(data) - 300, 17):
+        file.write_bytes(damage(data, k))
+        channel = Log.read(tmp_path, {"thrusters": thrusters}).thrusters
+        read = channel.command[:, 0].tolist()
+        assert set(read) <= set(PULSE.tolist()) and len(channel.notes) == 1
+        assert channel.notes[0].startswith("bytes that are no messages: ")
+        # One message of each publisher may be damaged, and the one before it.
+        before = int(np.sum(np.array(read) < PULSE[N // 2]))
+        assert len(read) >= (N - 2 if title != "cut" else before)
+        if title != "cut":
+            assert read[-1] == PULSE[-1]
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
     ("write", "name", "message", "column"),
     [
         (lambda path: tlog(path, packets()), "dive.tlog", "SERVO_OUTPUT_RAW", "servo1_raw"),

@@ -63,6 +63,19 @@ def test_empty_rows_are_left_out_and_counted(tmp_path: Path) -> None:
     assert channel.rows == 8 and channel.dropped == {"empty rows": 2, "equal stamps": 0}
 
 
+def test_a_row_that_the_files_end_cuts_is_left_out_and_counted(tmp_path: Path) -> None:
+    last = TABLE.rstrip("\n").rpartition("\n")[2]
+    for cut in (last.partition(",")[0], ",".join(last.split(",")[:2]) + ","):
+        channel = read(tmp_path, TABLE.rstrip("\n").removesuffix(last) + cut)
+        assert yaw(channel) == WHOLE[:-1]
+        assert channel.rows == 6 and channel.dropped == {"cut rows": 1, "equal stamps": 0}
+    # Without the end of its line a row may be whole; a short row elsewhere is a mistake.
+    assert yaw(read(tmp_path, TABLE.rstrip("\n"))) == WHOLE
+    for wrong in (TABLE.rstrip("\n").removesuffix(last) + "0.5\n", TABLE.replace("0.2,", "0.15\n0.2,")):
+        with pytest.raises(LogError, match=r"line \d: 1 columns, but the first line has 5$"):
+            read(tmp_path, wrong)
+
+
 def test_a_quaternion_of_zeros_is_a_lost_frame(tmp_path: Path) -> None:
     motion = Motion.random(n=8)
     found = write_logs(tmp_path, motion)

@@ -79,7 +79,7 @@ COLUMNS = "t, x, y, z, qw, qx, qy, qz, frame"
         ),
         (put(4, 0, "-inf"), ", line 5, t: -inf is not a finite number"),
         (put(4, 0, "1e999"), ", line 5, t: inf is not a finite number"),
-        (lambda cells: cells[-1].pop(), ", line 31: 8 columns, but the first line has 9"),
+        (lambda cells: cells[-2].pop(), ", line 30: 8 columns, but the first line has 9"),
         (lambda cells: cells[3].append("0"), ", line 4: 10 columns, but the first line has 9"),
         (lambda cells: cells.insert(3, ["", "0"]), ", line 4: 2 columns, but the first line has 9"),
         (put(4, 0, "1.5"), ", line 5: the stamp 1.5 is before the stamp of the row above, 2.0979"),

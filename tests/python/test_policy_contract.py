@@ -187,7 +187,8 @@ def test_a_shipped_policy_warns_of_an_altered_scene() -> None:
         ("{", "no JSON"),
         ("[]", "its form is None, but must be 'uvms-contract/1'"),
         ('{"form": "other"}', "'other'"),
-        ('{"form": "uvms-contract/1", "scene": 1}', "no contract of uvms_gym"),
+        ('{"form": "uvms-contract/1", "scene": 1}', "no contract of uvms_gym: a part has another form"),
+        ('{"form": "uvms-contract/1", "scene": {}}', "no contract of uvms_gym: 'name' is missing"),
     ],
 )
 def test_a_file_without_a_contract_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 import uvms_gym
-from uvms_gym import Log, Rollout
+from uvms_gym import Log, LogError, Rollout
 from uvms_gym.cli import main
 from uvms_gym.controllers.families import BASELINE, canonical
 from uvms_gym.logs import Recorder
@@ -69,6 +69,26 @@ def test_a_recording_is_read_back(tmp_path: Path) -> None:
         assert np.allclose(value, expected, rtol=0.0, atol=1e-12) and np.ptp(expected) > 0.1, name
     assert np.allclose(log.pose.rotation, [state.rotation[1] for state in states], rtol=0.0, atol=1e-12)
     assert np.array_equal(log.thrusters.command, forces[:, :8])
+
+
+def test_a_recording_that_was_cut_is_read_up_to_there(tmp_path: Path) -> None:
+    state, rows = moved(0), 4000
+    with Recorder(tmp_path / "a.mcap") as recorder:
+        for k in range(rows):
+            recorder.add(state, 0.01 * k)
+    data, found = (tmp_path / "a.mcap").read_bytes(), {"pose": {"topic": "/odom"}}
+    (tmp_path / "bag").mkdir()
+    # A killed recorder leaves no metadata; messages are written in chunks of 1 MB.
+    for file, path in ((tmp_path / "a.mcap", tmp_path / "a.mcap"), (tmp_path / "bag" / "bag_0.mcap", tmp_path / "bag")):
+        for end, least, most in ((len(data) - 5, rows, rows), (2 * len(data) // 3, rows // 3, rows - 1)):
+            file.write_bytes(data[:end])
+            pose = Log.read(path, found).pose
+            assert least <= len(pose.time) <= most
+            assert np.allclose(pose.time, 0.01 * np.arange(len(pose.time)), rtol=0.0, atol=1e-9)
+            assert pose.notes[0].startswith("cut or damaged recording: ")
+    (tmp_path / "a.mcap").write_bytes(data[:100])
+    with pytest.raises(LogError, match=r"a\.mcap: cannot be read: \S.*$"):
+        Log.read(tmp_path / "a.mcap", found)
 
 
 def test_val_foxgloves_reader_reads_every_message(tmp_path: Path) -> None:

@@ -340,7 +340,8 @@ def test_a_topic_that_another_node_publishes_is_one_line(open_session: Any) -> N
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate", "--remap", "odom=x"], "cannot start"),
+        (["simulate", "--remap", "odom=x"], "remap is 'odom=x', but must be FROM:=TO"),
+        (["simulate", "--remap", "odom:=x:=y"], "remap is 'odom:=x:=y', but must be FROM:=TO"),
         (["simulate", "--namespace", "a b"], "cannot start"),
         (["simulate", "--sensors", "none.toml"], "cannot read none.toml: No such file or directory"),
         (["simulate", "--sensors", "bad.toml"], "bad.toml: "),

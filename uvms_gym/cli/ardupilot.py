@@ -6,7 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from uvms_gym.ardupilot import Bridge, serve
-from uvms_gym.cli.common import fail, line, user_errors
+from uvms_gym.cli.common import line, user_errors
 from uvms_gym.cli.options import SceneArgument, ranged
 
 
@@ -25,10 +25,8 @@ def ardupilot(
     """
     with user_errors():
         bridge = Bridge(scene, map_file, depth)
-    line(f"waiting for packets at {host}:{port} (Ctrl-C ends it)")
     try:
-        serve(bridge, host, port, line)
-    except OSError as error:
-        raise fail(f"--port is {port}, but {host} refuses it: {error.strerror or error}") from None
+        with user_errors():
+            serve(bridge, host, port, line)
     except KeyboardInterrupt:
         line("ended")

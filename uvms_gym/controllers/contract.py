@@ -151,8 +151,10 @@ def check_contract(
         apart = list(differences(found, here))
         if controller is not None:
             apart += _differences_of_controller(found, controller)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{place}no contract of uvms_gym: {type(error).__name__} {error}") from None
+    except KeyError as error:
+        raise ValueError(f"{place}no contract of uvms_gym: {error} is missing") from None
+    except (AttributeError, TypeError, ValueError):
+        raise ValueError(f"{place}no contract of uvms_gym: a part has another form") from None
     if apart:
         raise ValueError(f"{place}the environment differs from the contract: {'; '.join(apart)}")
     return found

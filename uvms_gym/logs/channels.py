@@ -32,9 +32,9 @@ class Channel:
     rows : int
         Number of rows or messages of the source.
     dropped : dict of str to int
-        Number of rows left out, by the reason: "lost frames" (a number is NaN or missing), "empty rows", "damaged
-        messages", "messages of others" (of a topic with several publishers), "unstamped messages", "rows out of order",
-        "equal stamps", "jumps", "repeats".
+        Number of rows left out, by the reason: "lost frames" (a number is NaN or missing), "empty rows", "cut rows",
+        "damaged messages", "messages of others" (of a topic with several publishers), "unstamped messages", "rows out
+        of order", "equal stamps", "jumps", "repeats".
     notes : tuple of str
         Remarks on how the source was read, such as "decimal commas".
     """

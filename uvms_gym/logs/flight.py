@@ -243,8 +243,9 @@ def _read_ulog(path: Path, wanted: set[str]) -> Found:
     """Messages by their names, and the names of all messages, of PX4's .ulg."""
     from pyulog import ULog
 
-    log = ULog(io.BytesIO(read(path, MAX_BYTES)), sorted(wanted))
-    notes = []
+    data, lost = _sound_ulog(read(path, MAX_BYTES))
+    log = ULog(io.BytesIO(data), sorted(wanted))
+    notes = [f"bytes that are no messages: {lost}"] if lost else []
     if log.dropouts:
         notes.append(f"dropouts: {len(log.dropouts)}, {sum(gap.duration for gap in log.dropouts) / 1e3:.3g} s")
     if log.file_corruption:
@@ -259,6 +260,53 @@ def _read_ulog(path: Path, wanted: set[str]) -> Found:
             )
             messages[name] = _Messages(columns["timestamp"] * 1e-6, publisher, columns, 0, notes)
     return messages, set(log.message_formats)
+
+
+#: Kinds of messages of PX4's .ulg; those with data, and those that subscribe to a topic.
+_ULOG, _DATA, _SUBSCRIPTION = frozenset(b"BFIMPQAaRDLCSO"), ord("D"), ord("A")
+
+
+def _sound_ulog(data: bytes) -> tuple[bytes, int]:
+    """A .ulg without damaged messages, and the number of bytes left out.
+
+    The package pyulog reads nothing behind lost bytes, as it takes wrong lengths there.
+    """
+    #: Size of the messages of each subscription, 0 before its first.
+    sizes: dict[bytes, int] = {}
+
+    def end_of(k: int) -> int:
+        """End of the message at k; 0 where none fits."""
+        if k + 3 > len(data):
+            return 0
+        end, kind = k + 3 + data[k] + 256 * data[k + 1], data[k + 2]
+        if kind not in _ULOG or end > len(data):
+            return 0
+        if kind == _DATA:
+            return end if sizes.get(data[k + 3 : k + 5], -1) in (0, end - k) else 0
+        if kind == _SUBSCRIPTION:
+            sizes.setdefault(data[k + 4 : k + 6], 0)
+        return end
+
+    parts, start, k, end = [], 0, 16, end_of(16)
+    while k < len(data):
+        following = end_of(end) if end else 0
+        # A message that is cut is followed by none.
+        if following or end == len(data):
+            if data[k + 2] == _DATA:
+                sizes[data[k + 3 : k + 5]] = end - k
+            k, end = end, following
+            continue
+        if start < k:
+            parts.append(data[start:k])
+        # Behind the damage only data count, whose size is known.
+        k = start = k + 1
+        while k + 3 <= len(data) and not (data[k + 2] == _DATA and end_of(k)):
+            k = start = k + 1
+        if k + 3 > len(data):
+            break
+        end = end_of(k)
+    sound = b"".join([*parts, data[start:k]])
+    return sound, len(data) - len(sound)
 
 
 #: Readers by the suffix of files.

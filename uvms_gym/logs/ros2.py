@@ -2,9 +2,11 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
 from operator import attrgetter
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -147,7 +149,8 @@ class _Topic:
 def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]:
     """Read the topics of channels from a bag.
 
-    `path` is the directory of a ROS 2 bag (SQLite or MCAP), or the file of a ROS 1 bag.
+    `path` is the directory of a ROS 2 bag (SQLite or MCAP), an MCAP file, or the file of a ROS 1 bag. Of an MCAP that
+    is cut or damaged the messages before the damage are read.
 
     Returns
     -------
@@ -155,40 +158,82 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
         Table of every channel.
     """
     try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
+        import rosbags.highlevel  # noqa: F401
     except ImportError:
         raise LogError(f"{path}: reading bags needs the package rosbags: pip install 'uvms-gym[ros2]'") from None
     if not path.exists():
         raise LogError(f"{path}: no such bag")
     _check_files(path)
-    topics = {kind: _Topic(f"{path} {channel.topic}", channel) for kind, channel in channels.items()}
+    # A recorder that was killed leaves no metadata.
+    files = sorted(path.glob("*.mcap")) if path.is_dir() and not (path / "metadata.yaml").exists() else []
+    bag = files[0] if len(files) == 1 else path
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            for kind, channel in channels.items():
-                if channel.topic not in reader.topics:
-                    known = ", ".join(sorted(reader.topics)) or "none"
-                    raise LogError(f"{path}: {kind}: no topic {channel.topic}; topics: {known}")
-            wanted = {channel.topic for channel in channels.values()}
-            connections = [connection for connection in reader.connections if connection.topic in wanted]
-            if (count := sum(connection.msgcount for connection in connections)) > _MESSAGES:
-                raise LogError(f"{path}: {count} messages in these topics, but at most {_MESSAGES} are read")
-            for connection, recorded, data in reader.messages(connections=connections):
-                try:
-                    message = reader.deserialize(data, connection.msgtype)
-                except KeyError:
-                    raise LogError(
-                        f"{path}: {connection.topic}: the bag has no definition of {connection.msgtype}; "
-                        "`ros2 bag record -s mcap` records definitions"
-                    ) from None
-                for kind, channel in channels.items():
-                    if channel.topic == connection.topic:
-                        topics[kind].append(message, recorded)
+        return {kind: topic.table() for kind, topic in _read_topics(path, bag, channels).items()}
     except LogError:
         raise
     except Exception as error:  # (a damaged bag fails anywhere in the package, in its parsers and in SQLite)
-        raise LogError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
-    return {kind: topic.table() for kind, topic in topics.items()}
+        reason = " ".join(str(error).split()) or type(error).__name__
+    with TemporaryDirectory() as folder:
+        copy, count = _recover(bag, Path(folder)) if bag.suffix == ".mcap" and bag.is_file() else (bag, 0)
+        if count == 0:
+            raise LogError(f"{path}: cannot be read: {reason}")
+        tables = {kind: topic.table() for kind, topic in _read_topics(path, copy, channels).items()}
+    note = f"cut or damaged recording: {count} messages before the damage are read"
+    return {kind: replace(table, notes=(*table.notes, note)) for kind, table in tables.items()}
+
+
+def _read_topics(path: Path, bag: Path, channels: Mapping[str, ChannelMap]) -> dict[str, _Topic]:
+    """Messages of the channels' topics in a bag; errors name `path`."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    topics = {kind: _Topic(f"{path} {channel.topic}", channel) for kind, channel in channels.items()}
+    with AnyReader([bag], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        for kind, channel in channels.items():
+            if channel.topic not in reader.topics:
+                known = ", ".join(sorted(reader.topics)) or "none"
+                raise LogError(f"{path}: {kind}: no topic {channel.topic}; topics: {known}")
+        wanted = {channel.topic for channel in channels.values()}
+        connections = [connection for connection in reader.connections if connection.topic in wanted]
+        if (count := sum(connection.msgcount for connection in connections)) > _MESSAGES:
+            raise LogError(f"{path}: {count} messages in these topics, but at most {_MESSAGES} are read")
+        for connection, recorded, data in reader.messages(connections=connections):
+            try:
+                message = reader.deserialize(data, connection.msgtype)
+            except KeyError:
+                raise LogError(
+                    f"{path}: {connection.topic}: the bag has no definition of {connection.msgtype}; "
+                    "`ros2 bag record -s mcap` records definitions"
+                ) from None
+            for kind, channel in channels.items():
+                if channel.topic == connection.topic:
+                    topics[kind].append(message, recorded)
+    return topics
+
+
+def _recover(path: Path, folder: Path) -> tuple[Path, int]:
+    """Copy of an MCAP file with the messages before its damage, and their number."""
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+    from mcap.writer import Writer
+
+    copy, count, schemas, topics = folder / path.name, 0, {0: 0}, {}
+    with path.open("rb") as file, copy.open("wb") as out:
+        writer: Any = Writer(out)
+        writer.start(profile="ros2")
+        with suppress(Exception):  # (the damage)
+            for record in StreamReader(file, validate_crcs=True).records:
+                if isinstance(record, Schema) and record.id not in schemas:
+                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+                elif isinstance(record, Channel) and record.id not in topics:
+                    known = record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
+                    topics[record.id] = writer.register_channel(*known)
+                elif isinstance(record, Message):
+                    times = record.log_time, record.data, record.publish_time, record.sequence
+                    writer.add_message(topics[record.channel_id], *times)
+                    count += 1
+        writer.finish()
+    return copy, count
 
 
 def _check_files(path: Path) -> None:

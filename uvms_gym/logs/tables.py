@@ -94,6 +94,8 @@ def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list
     """Read columns of a text file, whose first line names them; `names` are the columns of each quantity."""
     text, notes = _text(path)
     lines = text.split("\n")
+    # A recorder that was killed leaves the start of a line.
+    cut = len(lines) if lines[-1].strip() else 0
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
@@ -106,6 +108,8 @@ def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list
         if header.count(name) != 1:
             problem = "no such column" if name not in header else "a column of this name exists twice"
             raise LogError(f"{path}: {name}: {problem}; columns: {', '.join(header)}")
+    cut_rows = body[-1:] if body and body[-1] == cut and lines[-1].count(form.delimiter) < len(header) - 1 else []
+    body = body[: len(body) - len(cut_rows)]
     empty = [number for number in body if not lines[number - 1].strip()]
     body = [number for number in body if lines[number - 1].strip()]
     body, columns = _numbers(path, {number: lines[number - 1] for number in body}, form, header, needed, notes)
@@ -115,8 +119,8 @@ def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list
         dict(zip(needed, columns)),
         time,
         names,
-        len(body) + len(empty),
-        {"empty rows": len(empty)},
+        len(body) + len(empty) + len(cut_rows),
+        {"empty rows": len(empty), "cut rows": len(cut_rows)},
         notes,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -85,6 +86,9 @@ def session(
     ValueError
         A name is malformed or taken.
     """
+    for remap in remaps:
+        if not re.fullmatch(r"[^\s:=]+:=[^\s:=]+", remap):
+            raise ValueError(f"remap is {remap!r}, but must be FROM:=TO")
     arguments = ["--ros-args", *(part for remap in remaps for part in ("-r", remap))] if remaps else []
     context = rclpy.Context()
     try:

@@ -65,7 +65,8 @@ class MeasuredState:
         self.deviations: dict[str, float] = dict(policy_contract(env)["disturbance"].get("noise") or {})
         self._exact = not self.deviations and env._native.delays == (0, 0)
         if not self._exact and env.task != "station-keep":
-            raise ValueError(f"noise and delay are for station keeping, not for {env.task}: set both to None")
+            allowed = "give a disturbance without both, such as calm"
+            raise ValueError(f"noise and delay are for station keeping, not for {env.task}: {allowed}")
         self._env = env
         self._pose = Simulator(env._native.scene, 1)
         self._home = self._pose.q[0]
