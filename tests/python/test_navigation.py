@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from uvms_gym import NavigationFilter, Rollout, Sensors, Simulator, _rotations, make_controller
 from uvms_gym.envs import DockVectorEnv, NavigationObservation, StationKeepVectorEnv
-from uvms_gym.studies.navigation import IDEAL, Run, run
+from uvms_gym.studies.navigation import IDEAL, Run, control, run
 
 RUNS = 256
 
@@ -199,6 +199,16 @@ def test_a_controller_keeps_station_on_the_filter() -> None:
         action, state = controller.predict(observation, state)
         observation, *_, info = env.step(action)
     assert np.median(info["rms_position_error"]) < 0.25
+
+
+def test_controllers_err_less_on_the_filter_than_on_the_measured_pose() -> None:
+    for name, rows in control(("pd", "dob"), n=32).items():
+        measured, filtered, true = (
+            rows[label] for label in ("pose as measured", "filter, short-range fixes", "true state")
+        )
+        for key in ("position_mm", "attitude_deg", "power_percent"):
+            assert np.mean(filtered[key]) < np.mean(measured[key]), (name, key)
+            assert abs(np.mean(filtered[key]) / np.mean(true[key]) - 1.0) < 0.05, (name, key)
 
 
 def test_other_environments_are_refused() -> None:

@@ -222,7 +222,10 @@ MEASUREMENTS: dict[str, tuple[Any, Any, tuple[float, float, float]]] = {
 
 
 def control(
-    controllers: tuple[str, ...] = ("pd", "pid", "dob"), scene: str = "bluerov2-heavy", n: int = 256, seed: int = 0
+    controllers: tuple[str, ...] = ("pd", "pid", "dob", "mpc"),
+    scene: str = "bluerov2-heavy",
+    n: int = 256,
+    seed: int = 0,
 ) -> dict[str, dict[str, dict[str, Any]]]:
     """Station keeping in the storm on different measurements, in paired episodes of 20 s.
 
