@@ -181,12 +181,12 @@ def peak() -> int:
 def read(folder: Path) -> None:
     """Read the log of a folder and print time, s, memory, bytes, and the samples read."""
     before = peak()
-    begun = time.perf_counter()
+    begun, worked = time.perf_counter(), time.process_time()
     (channel,) = Log.read(folder, json.loads((folder / "map.json").read_text())).channels.values()
-    taken = time.perf_counter() - begun
+    taken, worked = time.perf_counter() - begun, time.process_time() - worked
     memory = peak()
     values = channel.command if hasattr(channel, "command") else channel.position
-    found = {"seconds": taken, "bytes_of_memory": memory, "bytes_before": before}
+    found = {"seconds": taken, "processor_seconds": worked, "bytes_of_memory": memory, "bytes_before": before}
     print(json.dumps({**found, "samples": len(channel.time), "sum": float(np.sum(values))}))
 
 

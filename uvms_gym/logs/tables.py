@@ -2,7 +2,8 @@
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -112,14 +113,14 @@ def read_table(path: Path, form: TextFormat, time: str, names: Mapping[str, list
     body = body[: len(body) - len(cut_rows)]
     empty = [number for number in body if not lines[number - 1].strip()]
     body = [number for number in body if lines[number - 1].strip()]
-    body, columns = _numbers(path, {number: lines[number - 1] for number in body}, form, header, needed, notes)
+    rows, columns = _numbers(path, {number: lines[number - 1] for number in body}, form, header, needed, notes)
     return make_table(
         str(path),
-        lambda row: f"{path}, line {body[row]}",
+        lambda row: f"{path}, line {rows[row]}",
         dict(zip(needed, columns)),
         time,
         names,
-        len(body) + len(empty) + len(cut_rows),
+        len(rows) + len(empty) + len(cut_rows),
         {"empty rows": len(empty), "cut rows": len(cut_rows)},
         notes,
     )
@@ -167,7 +168,7 @@ def _names(path: Path, line: str, form: TextFormat) -> list[str]:
 
 def _numbers(
     path: Path, lines: Mapping[int, str], form: TextFormat, header: list[str], needed: list[str], notes: list[str]
-) -> tuple[list[int], Floats]:
+) -> tuple[Sequence[int], Floats]:
     """Numbers of the lines of rows, and their needed columns, (columns, n)."""
     numbers, texts = list(lines), list(lines.values())
     if not lines:
@@ -178,29 +179,36 @@ def _numbers(
             return numbers, np.loadtxt(texts, delimiter=form.delimiter, usecols=usecols, comments=None, ndmin=2).T
         except ValueError:
             pass
-    # Quoted cells, lost numbers, decimal commas, or an error: cell by cell.
-    rows: list[int] = []
-    cells: list[list[str]] = []
+    # Quoted cells, lost numbers, decimal commas, or an error: cell by cell, and without a list of all cells.
     usecols = [header.index(name) for name in needed]
-    for index, row in _cells(path, texts, form.delimiter):
-        if len(row) != len(header):
-            raise LogError(f"{path}, line {numbers[index]}: {len(row)} columns, but the first line has {len(header)}")
-        rows.append(numbers[index])
-        cells.append([row[k].strip() for k in usecols])
-    decimal = form.decimal or _decimal(path, cells, notes)
-    return rows, np.array([_row(f"{path}, line {n}", row, needed, decimal) for n, row in zip(rows, cells)]).T
+
+    def rows() -> Iterator[tuple[int, list[str]]]:
+        for index, row in _cells(path, texts, form.delimiter):
+            if len(row) != len(header):
+                problem = f"{len(row)} columns, but the first line has {len(header)}"
+                raise LogError(f"{path}, line {numbers[index]}: {problem}")
+            yield numbers[index], [row[k].strip() for k in usecols]
+
+    decimal = form.decimal or _decimal(path, (row for _, row in rows()), notes)
+    found, values = array("q"), array("d")
+    for number, row in rows():
+        found.append(number)
+        values.extend(_row(f"{path}, line {number}", row, needed, decimal))
+    return found, np.frombuffer(values).reshape(-1, len(needed)).T
 
 
-def _decimal(path: Path, cells: list[list[str]], notes: list[str]) -> str:
+def _decimal(path: Path, rows: Iterable[list[str]], notes: list[str]) -> str:
     """Decimal sign that the numbers have."""
-    commas = [cell for row in cells for cell in row if "," in cell]
-    if not commas:
+    ambiguous = None
+    for cell in (cell for row in rows for cell in row if "," in cell):
+        if not _AMBIGUOUS.fullmatch(cell):
+            notes.append("decimal commas")
+            return ","
+        ambiguous = ambiguous or cell
+    if ambiguous is None:
         return "."
-    if all(_AMBIGUOUS.fullmatch(cell) for cell in commas):
-        what = f"{commas[0]!r} has a decimal comma or a comma between thousands"
-        raise LogError(f'{path}: {what}: decimal = "," in the map says the former, the latter are not read')
-    notes.append("decimal commas")
-    return ","
+    what = f"{ambiguous!r} has a decimal comma or a comma between thousands"
+    raise LogError(f'{path}: {what}: decimal = "," in the map says the former, the latter are not read')
 
 
 def _row(place: str, cells: list[str], names: list[str], decimal: str) -> list[float]:
