@@ -106,6 +106,7 @@ def summarised(rows: list[dict[str, Any]], name: str) -> dict[str, Any]:
             "95": np.median(values(way, "round_trip_95")),
             "maximum": np.max(values(way, "round_trip_maximum")),
         }
+        found["latest_first_command"] = np.max(values(way, "first_command"))
         found["late"] = np.sum(values(way, "late"))
     return made
 

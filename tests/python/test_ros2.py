@@ -101,7 +101,7 @@ def test_a_controller_holds_the_vehicle_in_the_storm_as_in_process(open_session:
     found, expected = simulator.summary(), in_process(STORM, name, seed, 200)
     for key in ("rms_position_error", "rms_attitude_error", "rms_end_effector_position_error", "mean_power"):
         assert found[key] == pytest.approx(expected[key], rel=1e-4), key
-    assert node.commands == 200 and simulator.deadman == 0
+    assert node.commands == 200 and simulator.deadman == 0 and found["first_command"] == 0.0
 
 
 def test_the_deadman_acts_where_the_controller_dies_and_a_new_one_recovers(open_session: Any) -> None:

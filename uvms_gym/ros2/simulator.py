@@ -71,6 +71,7 @@ class SimulatorNode:
         #: Wall times from a measurement to the command on it, s; periods that began late; times that the deadman acted.
         self.round_trips: list[float] = []
         self.late = self.deadman = 0
+        self._first = float("nan")
         self._was_silent = True
 
     def run(self, seconds: float = float("inf")) -> None:
@@ -137,6 +138,8 @@ class SimulatorNode:
                 self.session.say(f"{name} is ignored: {error}")
                 return
             self._answered[name] = time_of(message.header.stamp)
+            if np.isnan(self._first):
+                self._first = self.vehicle.time
             if name != "joint_targets" and abs(self._answered[name] - self.vehicle.time) < 1e-6:
                 self.round_trips.append(time.perf_counter() - self._sent)
 
@@ -174,8 +177,13 @@ class SimulatorNode:
         return fail
 
     def summary(self) -> dict[str, float]:
-        """Metrics of the episode so far, and round trips: median, 95 % and maximum, s."""
-        counts = {"time": self.vehicle.time, "late": float(self.late), "deadman": float(self.deadman)}
+        """Metrics of the episode so far, time of the first command, s, and round trips: median, 95 % and maximum, s."""
+        counts = {
+            "time": self.vehicle.time,
+            "first_command": self._first,
+            "late": float(self.late),
+            "deadman": float(self.deadman),
+        }
         found: dict[str, float] = {**self.vehicle.info, **counts}
         if self.round_trips:
             names = ("round_trip_median", "round_trip_95", "round_trip_maximum")
