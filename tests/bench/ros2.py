@@ -61,7 +61,8 @@ def through_ros(name: str, seed: int, *options: str) -> dict[str, float]:
         control = [*UVMS, "control", *common, "--controller", name, "--seconds", f"{SECONDS - 0.1:g}", "--wait", "30"]
         with started(control) as other:
             simulate = [*UVMS, "simulate", *common, "--seconds", f"{SECONDS:g}", "--json", str(file), *options]
-            subprocess.run(simulate, check=True, stdout=QUIET, stderr=QUIET)
+            done = subprocess.run(simulate, capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
             try:
                 other.wait(10.0)
             except subprocess.TimeoutExpired:

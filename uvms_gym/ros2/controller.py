@@ -93,21 +93,26 @@ class ControllerNode:
 
     def _check_start(self) -> None:
         self.session.spin_until(lambda: self._error is not None or not self._missing(), self._patience)
-        if self.session.node.count_publishers("contract"):
+        if self._error is None and (missing := self._missing()):
+            names = " and ".join(self.session.node.resolve_topic_name(name) for name in missing)
+            raise ValueError(f"no message on {names} for {self._patience:g} s")
+        # On a busy machine the contract may come later than measurements, of which lockstep gives only one.
+        self.session.spin_until(
+            lambda: self._error is not None or self._lockstep or len(self._stamps) == MEASUREMENTS, self._patience
+        )
+        if self._contract is None and self.session.node.count_publishers("contract"):
             self.session.spin_until(lambda: self._contract is not None, 2.0)
         if self._error is not None:
             raise ValueError(self._error)
-        if missing := self._missing():
-            names = " and ".join(self.session.node.resolve_topic_name(name) for name in missing)
-            raise ValueError(f"no message on {names} for {self._patience:g} s")
         if self._contract is None:
             self.session.say("the vehicle publishes no contract: only the rate is checked")
-        if not (self._contract or {}).get("lockstep"):
-            self.session.spin_until(lambda: len(self._stamps) == MEASUREMENTS, self._patience)
+        if not self._lockstep:
             self._check_rate()
-        if self._error is not None:
-            raise ValueError(self._error)
         self._ready = True
+
+    @property
+    def _lockstep(self) -> bool:
+        return bool((self._contract or {}).get("lockstep"))
 
     def _check_rate(self) -> None:
         """Refuse a control period that is no multiple of the interval of odom."""
