@@ -17,8 +17,9 @@ const MISSING: f64 = 1.5;
 /// Readings of an instance; absent ones did not arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct InstanceReadings {
-    /// Time of the sample and its specific force and angular velocity in the IMU's axes.
-    pub imu: Option<(f64, [Vector3<f64>; 2])>,
+    /// Time of the sample, its mean specific force and angular velocity, and its latest angular velocity, in the IMU's
+    /// axes.
+    pub imu: Option<(f64, [Vector3<f64>; 3])>,
     /// Velocities along the beams, NaN where lost.
     pub dvl: Option<[f64; BEAMS]>,
     /// Depth, m.
@@ -91,11 +92,10 @@ impl NavigationFilter {
             return Err(SensorError::Time { instance: i, time, before });
         }
         let imu = &self.mount.position;
-        let finite = |[force, rate]: [Vector3<f64>; 2]| force.iter().chain(&rate).all(|x| x.is_finite());
-        match readings.imu.filter(|(_, values)| finite(*values)) {
-            Some((sampled, [force, rate])) => {
-                let turned = [self.mount.rotation * rate, self.mount.rotation * force];
-                state.propagate(&self.imu, sampled, Some(turned));
+        let finite = |values: &[Vector3<f64>; 3]| values.iter().flatten().all(|x| x.is_finite());
+        match readings.imu.filter(|(_, values)| finite(values)) {
+            Some((sampled, values)) => {
+                state.propagate(&self.imu, sampled, Some(values.map(|value| self.mount.rotation * value)));
             }
             None if time - state.time > MISSING / self.imu.rate => state.propagate(&self.imu, time, None),
             None => {}

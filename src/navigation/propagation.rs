@@ -15,20 +15,19 @@ const FADING: f64 = 1.0;
 const MOTION: usize = 9;
 
 impl FilterState {
-    /// Motion to a time by the mean angular velocity and specific force since the last one, in vehicle axes. Without a
-    /// reading the velocity in the world stays and the angular velocity fades, less certain.
-    pub fn propagate(&mut self, imu: &Imu, time: f64, reading: Option<[Vector3<f64>; 2]>) {
+    /// Motion to a time by the mean specific force and angular velocity since the last one, and the angular velocity then,
+    /// in vehicle axes. Without a reading the velocity in the world stays and the angular velocity fades, less certain.
+    pub fn propagate(&mut self, imu: &Imu, time: f64, reading: Option<[Vector3<f64>; 3]>) {
         let period = time - self.time;
         if period <= 0.0 {
             return;
         }
         self.time = time;
-        let Some([rate, force]) = reading else {
+        let Some([force, rate, latest]) = reading else {
             self.rate *= (-period / FADING).exp();
             let turn = self.rate * period;
             self.position += self.velocity * period;
             self.rotation = orthonormal(&(self.rotation * exponential(&turn)));
-            self.measured = None;
             let before = self.coasted;
             self.coasted += period;
             let grown = self.coasted * self.coasted - before * before;
@@ -43,16 +42,10 @@ impl FilterState {
         self.position += self.velocity * period + acceleration * (0.5 * period * period);
         self.velocity += acceleration * period;
         self.rotation = orthonormal(&(self.rotation * exponential(&turn)));
-        // Linear in time over the last two intervals, or from the start on.
-        self.rate = match self.measured {
-            Some(before) => rate * 1.5 - (before - self.gyro_bias) * 0.5,
-            None if self.coasted == 0.0 => rate * 2.0 - self.rate,
-            None => rate,
-        };
+        self.rate = latest - self.gyro_bias;
+        self.rate_variance = imu.gyro_noise * imu.gyro_noise * imu.rate;
         self.coasted = 0.0;
-        self.measured = Some(rate + self.gyro_bias);
         let noise = [imu.accelerometer_noise, imu.gyro_noise].map(|density| density * density * period);
-        self.rate_variance = 2.5 * noise[1] / (period * period);
         self.grow(imu, period, &turn, Some(&force), noise);
     }
 

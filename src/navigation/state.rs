@@ -72,13 +72,11 @@ pub(super) struct FilterState {
     pub heading_bias: f64,
     pub depth_offset: f64,
     pub gravity: Vector3<f64>,
-    /// Angular velocity without bias at the end of the last interval, extrapolated.
+    /// Latest angular velocity without bias.
     pub rate: Vector3<f64>,
-    /// Measured mean angular velocity of the last interval, vehicle axes.
-    pub measured: Option<Vector3<f64>>,
     /// Time without readings of the IMU, s.
     pub coasted: f64,
-    /// Variance of the extrapolated angular velocity, (rad/s)^2.
+    /// Variance of its noise, (rad/s)^2.
     pub rate_variance: f64,
     pub ping: Option<Ping>,
     /// Readings refused in a row, by sensor.
@@ -122,7 +120,6 @@ impl FilterState {
             depth_offset: 0.0,
             gravity: motion.gravity,
             rate: motion.angular,
-            measured: None,
             coasted: 0.0,
             rate_variance: 0.0,
             ping: None,

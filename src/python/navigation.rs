@@ -182,7 +182,8 @@ impl NavigationFilter {
     /// ----------
     /// readings : dict
     ///     As `Sensors.measure` returns it; sensors may be absent. Readings of real sensors have the same form: of "dvl" it
-    ///     reads "beams", and "time" only of "imu" and "acoustic".
+    ///     reads "beams", and "time" only of "imu" and "acoustic"; without "latest_angular_velocity" the IMU's
+    ///     "angular_velocity" counts as that.
     ///
     /// Raises
     /// ------
@@ -199,6 +200,9 @@ impl NavigationFilter {
         let part = |sensor: &str, field: &str, width: usize| Part::read(readings, sensor, field, n, width);
         let force = part("imu", "specific_force", 3)?;
         let rate = part("imu", "angular_velocity", 3)?;
+        let name = "latest_angular_velocity";
+        let given = readings.get_item("imu")?.is_some_and(|imu| imu.contains(name).unwrap_or(false));
+        let latest = part("imu", if given { name } else { "angular_velocity" }, 3)?;
         let beams = part("dvl", "beams", BEAMS)?;
         let depth = part("depth", "depth", 1)?;
         let heading = part("heading", "heading", 1)?;
@@ -212,8 +216,8 @@ impl NavigationFilter {
                 let vector = |values: Vec<f64>| Vector3::from_column_slice(&values);
                 let one = InstanceReadings {
                     imu: at(&force, i, 3)
-                        .zip(at(&rate, i, 3))
-                        .map(|((time, force), (_, rate))| (time, [vector(force), vector(rate)])),
+                        .zip(at(&rate, i, 3).zip(at(&latest, i, 3)))
+                        .map(|((time, force), parts)| (time, [force, parts.0.1, parts.1.1].map(vector))),
                     dvl: at(&beams, i, BEAMS).map(|(_, beams)| std::array::from_fn(|k| beams[k])),
                     depth: at(&depth, i, 1).map(|(_, depth)| depth[0]),
                     heading: at(&heading, i, 1).map(|(_, heading)| heading[0]),

@@ -159,7 +159,7 @@ impl Sensors {
     ///     "time" (N,) of its sample, s, and its values, NaN where nothing arrived.
     ///
     ///     "imu": "specific_force" (N, 3), m/s2, and "angular_velocity" (N, 3), rad/s, in the IMU's axes, means since its last
-    ///     sample; the first sample of an episode is not valid. "dvl": "velocity" (N, 3) over the bottom in the DVL's axes,
+    ///     sample, and "latest_angular_velocity" (N, 3) at the sample; the first sample of an episode is not valid. "dvl": "velocity" (N, 3) over the bottom in the DVL's axes,
     ///     m/s, NaN with fewer than three beams; "beams" (N, 4), the velocity along each beam, positive toward the bottom,
     ///     and "range" (N, 4), m, NaN for lost beams. "depth": "depth" (N, 1), m, positive downward. "heading": "heading"
     ///     (N, 1), rad in (-pi, pi], from the world's x axis about its z axis. "acoustic": "position" (N, 3) of the

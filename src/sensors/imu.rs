@@ -8,7 +8,7 @@ use crate::task::settings::settings;
 
 settings! {
     /// Inertial measurement unit. A reading is the mean over the interval since the last sample, from the increments of
-    /// velocity and rotation, in the IMU's axes.
+    /// velocity and rotation, in the IMU's axes, and the angular velocity at its end.
     pub struct Imu {
         /// Samples per second.
         rate: f64 = 100.0;
@@ -50,7 +50,7 @@ impl Sensor for Imu {
     }
 
     fn fields(&self) -> &'static [Field] {
-        &[("specific_force", 3), ("angular_velocity", 3)]
+        &[("specific_force", 3), ("angular_velocity", 3), ("latest_angular_velocity", 3)]
     }
 
     fn timing(&self) -> Timing {
@@ -99,6 +99,10 @@ impl Sensor for Imu {
             biases[k] += walks[k / 3] * period.sqrt() * draws.normal(6 + k);
             let truth = if k < 3 { force[k] } else { rate[k - 3] };
             values[k] = truth + biases[k] + noises[k / 3] / period.sqrt() * draws.normal(k);
+        }
+        let latest = mount.rotation.tr_mul(&now.angular);
+        for k in 0..3 {
+            values[6 + k] = latest[k] + biases[3 + k] + self.gyro_noise * self.rate.sqrt() * draws.normal(12 + k);
         }
         true
     }

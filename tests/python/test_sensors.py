@@ -62,6 +62,7 @@ def test_a_lever_arm_adds_the_centripetal_acceleration() -> None:
     expected = turned("z", math.pi / 2).T @ (centripetal - gravity)
     np.testing.assert_allclose(imu["specific_force"][0], expected, atol=1e-9)
     np.testing.assert_allclose(imu["angular_velocity"][0], [0, 0, rate], atol=1e-12)
+    np.testing.assert_allclose(imu["latest_angular_velocity"][0], [0, 0, rate], atol=1e-12)
 
 
 def test_other_sensors_follow_their_closed_forms() -> None:
@@ -114,11 +115,13 @@ def test_noise_has_its_density_and_biases_walk() -> None:
     walk = {"gyro_walk": 1e-3, "accelerometer_walk": 2e-3, "gyro_bias": 0.0, "accelerometer_bias": 0.0}
     found = record(201, {"imu": walk, "depth": {"rate": 100}}, n=128)
     biases = np.stack([entry["biases"]["imu"] for entry in found])
-    imu = [np.concatenate([e["imu"]["specific_force"], e["imu"]["angular_velocity"]], axis=1) for e in found]
+    kinds = ("specific_force", "angular_velocity", "latest_angular_velocity")
+    imu = [np.concatenate([e["imu"][kind] for kind in kinds], axis=1) for e in found]
     gravity = np.array([0, 0, -Simulator("bluerov2-heavy").scene["water"]["gravity"][2], 0, 0, 0])
-    noise = (np.stack(imu) - biases - gravity)[1:]
-    deviation = noise.reshape(-1, 6).std(axis=0)
-    expected = np.repeat([1.2e-3, 1.2e-4], 3) / math.sqrt(0.01)
+    truth = np.concatenate([biases + gravity, biases[..., 3:]], axis=2)
+    noise = (np.stack(imu) - truth)[1:]
+    deviation = noise.reshape(-1, 9).std(axis=0)
+    expected = np.repeat([1.2e-3, 1.2e-4, 1.2e-4], 3) / math.sqrt(0.01)
     count = noise.shape[0] * noise.shape[1]
     np.testing.assert_allclose(deviation / expected, 1.0, atol=5 / math.sqrt(2 * count))
     for seconds in (0.5, 1.0, 2.0):

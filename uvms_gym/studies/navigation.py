@@ -161,7 +161,7 @@ def consistency(groups: int = 16, seed: int = 1000) -> dict[str, Any]:
     -------
     dict
         "nis": by sensor the mean per degree of freedom of each group, and half of the band. "nees": by group the mean
-        of pose and velocity per degree of freedom at the seconds in "time", and half of the band. "rms": position (mm)
+        of pose and twist per degree of freedom at the seconds in "time", and half of the band. "rms": position (mm)
         and attitude (degrees) of the filter beside the last fix and the last heading, from half of the time on.
         "update_time": us per instance.
     """
@@ -183,9 +183,9 @@ def consistency(groups: int = 16, seed: int = 1000) -> dict[str, Any]:
         "runs": n,
         "nis": nis,
         "nees": {
-            "time": np.arange(len(runs[0].errors)),
-            "mean": [one.nees() for one in runs],
-            "band": 1.96 * math.sqrt(2.0 / (9 * n)),
+            "time": np.arange(1, len(runs[0].errors)),
+            "mean": [one.nees(12)[1:] for one in runs],
+            "band": 1.96 * math.sqrt(2.0 / (12 * n)),
         },
         "rms": {
             "position_mm": 1e3 * rms(size[..., 0]),
@@ -233,8 +233,8 @@ def control(
     -------
     dict
         By controller and measurement: rms position (mm) and attitude error (degrees) and mean power (% of full power)
-        of each episode, (n,), and "estimate_mm", the rms error of the estimated position over all, None without a
-        filter.
+        of each episode, (n,); "estimate_mm", the rms error of the estimated position over all, None without a filter;
+        "nis", the mean per degree of freedom of the accepted readings by sensor.
     """
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for name in controllers:
@@ -251,7 +251,9 @@ def control(
                 error_estimate=False,
             )
             env = inner if suite is None else NavigationObservation(inner, suite, deviations=deviations)
-            controller, state, apart = make_controller(name, inner), None, []
+            controller, state = make_controller(name, inner), None
+            apart: list[Floats] = []
+            sums: dict[str, Floats] = {}
             observation, _ = env.reset(seed=seed)
             for _ in range(200):
                 action, state = controller.predict(observation, state)
@@ -260,10 +262,14 @@ def control(
                     raise RuntimeError(f"{name} on {label}: {np.count_nonzero(ended)} episodes ended early")
                 if isinstance(env, NavigationObservation):
                     apart.append(env.navigation.position - inner.snapshot().position)
+                    for sensor, one in env.navigation.innovations().items():
+                        part = np.array([one[key][one["accepted"]].sum() for key in ("nis", "degrees")])
+                        sums[sensor] = sums.get(sensor, 0.0) + part
             found[name][label] = {
                 "position_mm": np.round(1e3 * info["rms_position_error"], 2),
                 "attitude_deg": np.round(np.degrees(info["rms_attitude_error"]), 3),
                 "power_percent": np.round(100.0 * info["mean_power"], 3),
                 "estimate_mm": 1e3 * float(np.sqrt(3.0 * np.mean(np.square(apart)))) if apart else None,
+                "nis": {sensor: total / count for sensor, (total, count) in sums.items() if count},
             }
     return found
