@@ -59,6 +59,23 @@ def test_val_the_named_curve_is_the_makers_table_at_the_logged_voltage(tmp_path:
         command(tmp_path, {"curve": "t200"}, pulses, volts=[9.5, 16.0, 16.0])
 
 
+def test_val_rows_of_the_table_are_the_makers() -> None:
+    """Published rows; between them no cell stands out of its neighbours, as a wrong digit would."""
+    voltages = np.arange(10.0, 21.0, 2.0)
+    for pulse, row in (
+        (1880.0, [27.18, 34.34, 42.21, 49.15, 55.56, 61.34]),
+        (1900.0, [28.69, 36.42, 44.36, 51.44, 59.00, 65.92]),
+    ):
+        assert np.allclose(uvms_gym.thrust_of(np.full(6, pulse), "t200", voltages), row, atol=1e-9)
+    pulses = [1200.0, 1300.0, 1400.0, 1600.0, 1700.0, 1800.0]
+    twelve = uvms_gym.thrust_of(pulses, "t200", np.full(6, 12.0))
+    assert np.allclose(twelve, [-19.1, -10.0, -3.1, 3.9, 12.5, 24.2], atol=0.06)
+    grid = np.arange(1100.0, 1901.0, 20.0)
+    table = uvms_gym.thrust_of(np.tile(grid[:, None], 6), "t200", np.tile(voltages, (41, 1)))
+    assert (np.diff(table, axis=0) >= 0.0).all()
+    assert np.abs(np.diff(table, 2, axis=0)).max() < 1.4
+
+
 def test_the_named_curve_is_the_scenes_map(tmp_path: Path) -> None:
     """A scene with the map gives the same steady thrust for a command that is linear in the pulse."""
     scene = uvms_gym.load_scene("bluerov2-heavy")
