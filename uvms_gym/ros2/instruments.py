@@ -93,7 +93,8 @@ class Instruments:
         """Readings that have arrived since the last call, by sensor."""
         found, made = self._sensors.measure(simulator), {}
         for name, setting in self.suite.items():
-            values = {key: rows[0] for key, rows in found[name].items() if key not in ("valid", "time")}
+            other = ("valid", "time", "latest_angular_velocity")
+            values = {key: rows[0] for key, rows in found[name].items() if key not in other}
             if name == "dvl":
                 values = {"velocity": values["velocity"]}
             if name == "depth":
