@@ -83,6 +83,20 @@ def test_a_plank_stops_a_vehicle_that_is_pushed_aside(side):
     assert 0.0 < side * simulator.position[0, 1] < 0.03
 
 
+@pytest.mark.parametrize(("push", "slides"), [(6.0, True), (1.0, False)])
+def test_friction_of_the_planks_is_coulombs(push, slides):
+    """0.2 of the normal force where the vehicle slides out, regularised below 10 mm/s."""
+    simulator = heavy(dt=0.005)
+    settle(simulator)
+    simulator.step(wrench=np.array([[-push, 0.0, 0.0, 0.0, 0.0, 0.0]]), substeps=70)
+    found, speed = forces(simulator), -simulator.twist[0, 0]
+    for name in ("dock-port", "dock-starboard"):
+        along, normal = found[name][0], np.hypot(*found[name][1:])
+        assert normal == pytest.approx(0.5 * WEIGHT / np.cos(0.6), rel=0.02)
+        assert along / normal == pytest.approx(0.2 * speed / np.hypot(speed, 0.01), rel=1e-2)
+    assert (speed > 0.05) == slides and (speed < 0.005) != slides
+
+
 def test_the_ledger_of_energy_closes_in_an_impact():
     simulator = heavy(dt=2e-4)
     simulator.set_state(position=[[-0.03, 0.01, 0.02]], twist=[[0.3, 0.05, -0.1, 0.1, 0.0, 0.2]])
