@@ -57,7 +57,7 @@ class Run:
             learner._pending.result()
         self.wall += time.perf_counter() - begun
         self.processor += time.process_time() - used
-        policy = learner.actor.policy(learner.envs.inner, self.settings.history)
+        policy = learner.actor.policy(learner.envs.inner)
         found = evaluate(ENV, self.settings.kwargs, policy, EPISODES)
         self.curve.append((self.wall, self.processor, 1e3 * found["pose"], found["variation"]))
 

@@ -275,18 +275,62 @@ def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp
     )
     train_in(tmp_path / "improved", settings("asymmetric-ppo", start=str(outcome.policy)))
     assert MLP.load(tmp_path / "improved" / POLICY).notes["start"] == POLICY
-    for wrong, message in (({"net_arch": [9]}, "sizes"), ({"frame_stack": 3}, "frame_stack is 2, but must be 3")):
+    for wrong, message in (
+        ({"net_arch": [9]}, "sizes"),
+        ({"frame_stack": 1}, "frame_stack is 2, but must be at most 1"),
+    ):
         with pytest.raises(ValueError, match=message):
             AsymmetricPPO(settings("asymmetric-ppo", start=str(outcome.policy), hyperparameters=wrong))
 
 
+SPANS = (4, 2, 1, 1)
+
+
+def test_averages_are_those_of_the_observations() -> None:
+    envs = TrainingEnvs(ENV, {}, 1, sum(SPANS))
+    torch.manual_seed(0)
+    actor = Actor(SPANS, [envs.size, 8, 6])
+    rows = random(5, sum(SPANS), envs.size)
+    averages = torch.stack([part.mean(dim=1) for part in rows.split(SPANS, dim=1)], dim=1)
+    plain = Actor((1,) * len(SPANS), [envs.size, 8, 6])
+    plain.load_state_dict(actor.state_dict())
+    torch.testing.assert_close(actor(rows.flatten(1)), plain(averages.flatten(1)))
+    assert actor.policy(envs.inner).history == sum(SPANS)
+
+
+def test_a_longer_memory_begins_with_the_actions_of_the_shorter_one() -> None:
+    envs = TrainingEnvs(ENV, {}, 1, 2)
+    short, long = Actor((1, 1), [envs.size, 8, 6]), Actor(SPANS, [envs.size, 8, 6])
+    long.load(short.policy(envs.inner))
+    rows = random(5, sum(SPANS), envs.size)
+    torch.testing.assert_close(long(rows.flatten(1)), short(rows[:, -2:].flatten(1)))
+    again = Actor(SPANS, [envs.size, 8, 6])
+    again.load(long.policy(envs.inner))
+    torch.testing.assert_close(again.linears[0].weight, long.linears[0].weight)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_learners_take_averages(algo: str) -> None:
+    chosen = settings(algo, hyperparameters={"frame_stack": list(SPANS)})
+    assert (chosen.spans, chosen.history) == (SPANS, sum(SPANS))
+    learner = make_learner(chosen)
+    learner.iterate()
+    learner.close()
+
+
+@pytest.mark.parametrize("given", [[4, 0], [], [1.5], "8", True])
+def test_a_stack_is_a_number_or_a_list_of_numbers(given: Any) -> None:
+    with pytest.raises(ValueError, match=r"frame_stack is .*, but must be a positive whole number"):
+        settings("shac", hyperparameters={"frame_stack": given}).spans  # noqa: B018
+
+
 def test_an_unfaithful_export_is_noticed() -> None:
     envs = TrainingEnvs(ENV, {}, 1, 1)
-    actor = Actor([envs.size, 8, 6])
-    actor.policy(envs.inner, 1)
+    actor = Actor((1,), [envs.size, 8, 6])
+    actor.policy(envs.inner)
     actor.forward = lambda inputs: torch.full((len(inputs), 6), 0.5)  # type: ignore[method-assign]
     with pytest.raises(RuntimeError, match="differs from the model"):
-        actor.policy(envs.inner, 1)
+        actor.policy(envs.inner)
 
 
 def test_other_files_are_no_checkpoints(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ class Case:
         self.envs = TrainingEnvs(env, {**FAR, "substeps": 10, **kwargs}, EPISODES, HISTORY)
         self.by_action = ReturnGradient(self.envs.inner, EPISODES, GAMMA, posture)
         torch.manual_seed(0)
-        self.actor = Actor([HISTORY * self.envs.size, 16, 16, self.envs.actions])
+        self.actor = Actor((1,) * HISTORY, [self.envs.size, 16, 16, self.envs.actions])
         self.critic = Critic(self.envs.size, [8])
         with torch.no_grad():
             self.actor.layers[-1].weight.mul_(5.0)  # type: ignore[operator, union-attr]
@@ -48,7 +48,7 @@ class Case:
 
     def run(self, noise: torch.Tensor) -> Episodes:
         seeds = range(1_000_000, 1_000_000 + EPISODES)
-        return self.envs.run(seeds, self.actor.network(HISTORY), noise, frames=True)
+        return self.envs.run(seeds, self.actor.network(), noise, frames=True)
 
     def returns(self, noise: torch.Tensor) -> np.ndarray:
         episodes = self.run(noise)

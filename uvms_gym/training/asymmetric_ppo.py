@@ -60,7 +60,7 @@ class AsymmetricPPO(Learner):
         shape = (self.num_envs // 2, steps, self.envs.actions)
         half = torch.randn(shape, generator=self.generator(iteration, "collect"))
         unit, log_std = torch.stack([half, -half], dim=1).flatten(0, 1), actor.log_std.detach()
-        network = actor.network(self.settings.history)
+        network = actor.network()
         episodes = self.envs.run(self.seeds(iteration), network, unit * log_std.exp())
         return episodes, -(0.5 * unit**2 + log_std).sum(dim=-1)
 

@@ -61,7 +61,7 @@ class Distillation(Learner):
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes; returns the teacher's actions (n, T, a), too."""
-        first, network = iteration == 0, actor.network(self.settings.history)
+        first, network = iteration == 0, actor.network()
         shape = (self.num_envs, steps, self.envs.actions)
         noise = torch.randn(shape, generator=self.generator(iteration, "collect"))
         noise *= 0.0 if first else self.parameters.noise

@@ -111,15 +111,16 @@ class Learner(ABC):
         self.envs = TrainingEnvs(settings.env, settings.kwargs, self.num_envs, settings.history)
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(settings.seed)
-            self.actor = Actor([settings.history * self.envs.size, *parameters.net_arch, self.envs.actions], log_std)
+            self.actor = Actor(settings.spans, [self.envs.size, *parameters.net_arch, self.envs.actions], log_std)
             self.modules: dict[str, nn.Module] = {"actor": self.actor}
             if critic_arch:
                 self.modules["critic"] = self.critic = Critic(self.envs.size, critic_arch)
         if settings.start is not None:
             policy = MLP.load(Path(settings.start), self.envs.inner)
-            if policy.history != settings.history:
-                raise ValueError(f"{settings.start}: frame_stack is {policy.history}, but must be {settings.history}")
-            self.actor.load(policy)
+            try:
+                self.actor.load(policy)
+            except ValueError as error:
+                raise ValueError(f"{settings.start}: {error}") from None
         self.behaviour = copy.deepcopy(self.actor)
         self._pending: Future[tuple[Episodes, Tensor]] | None = None
         self._threads = ThreadPoolExecutor(2)

@@ -106,7 +106,7 @@ def train(
         writer = SummaryWriter(str(tensorboard_log / folder.name))
 
     def evaluate() -> None:
-        policy = learner.actor.policy(learner.envs.inner, settings.history)
+        policy = learner.actor.policy(learner.envs.inner)
         scores, best = record.evaluate(policy, learner.steps)
         if writer is not None:
             for name, value in scores.items():
@@ -132,7 +132,7 @@ def train(
         if not record.curve or record.curve[-1]["steps"] != learner.steps:
             evaluate()
         notes = record.notes(learner.steps, torch.get_num_threads(), learner.notes())
-        learner.actor.policy(learner.envs.inner, settings.history, notes).save(folder / POLICY)
+        learner.actor.policy(learner.envs.inner, notes).save(folder / POLICY)
         write_card(folder)
     if writer is not None:
         writer.close()

@@ -59,25 +59,45 @@ def layers(sizes: Sequence[int], last: float) -> nn.Sequential:
 class Actor(nn.Module):
     """Normal distribution of actions (n, a), for stacked observations (n, h d): its mean.
 
+    The first layer sees averages of successive observations: long memories need few weights.
+
     Parameters
     ----------
+    spans : sequence of int
+        Number of observations in each average, oldest first; h in all.
     sizes : sequence of int
-        Inputs, hidden layers, actions.
+        Entries d of an observation, hidden layers, actions.
     log_std : float
         Logarithm of the initial standard deviation.
     """
 
-    def __init__(self, sizes: Sequence[int], log_std: float = 0.0) -> None:
+    def __init__(self, spans: Sequence[int], sizes: Sequence[int], log_std: float = 0.0) -> None:
         super().__init__()
-        self.layers = layers(sizes, 0.1)
+        self.layers = layers([len(spans) * sizes[0], *sizes[1:]], 0.1)
         self.log_std = nn.Parameter(torch.full((sizes[-1],), log_std))
+        self.spans = tuple(spans)
+        #: Average that each observation belongs to, and its share there.
+        self._of = torch.repeat_interleave(torch.arange(len(spans)), torch.tensor(spans))
+        self._shares = 1.0 / torch.tensor(spans)[self._of]
+
+    @property
+    def linears(self) -> list[nn.Linear]:
+        """Layers with weights."""
+        return [layer for layer in self.layers if isinstance(layer, nn.Linear)]
+
+    def first_weight(self) -> Tensor:
+        """Weights (k, h d) of the first layer on the stacked observations."""
+        weight = self.linears[0].weight * GAIN
+        if len(self.spans) == len(self._of):
+            return weight
+        by_average = weight.view(len(weight), len(self.spans), -1)
+        whole: Tensor = by_average[:, self._of] * self._shares[:, None]
+        return whole.flatten(1)
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Mean of the action."""
-        first = self.layers[0]
-        assert isinstance(first, nn.Linear)
         # Weights are fewer than inputs.
-        mean: Tensor = self.layers[1:](linear(inputs, first.weight * GAIN, first.bias))
+        mean: Tensor = self.layers[1:](linear(inputs, self.first_weight(), self.linears[0].bias))
         return mean
 
     def log_prob(self, mean: Tensor, actions: Tensor) -> Tensor:
@@ -85,13 +105,13 @@ class Actor(nn.Module):
         scaled = (actions - mean) * torch.exp(-self.log_std)
         return -(0.5 * scaled**2 + self.log_std).sum(dim=-1)
 
-    def network(self, history: int, env: Any = None, notes: Mapping[str, str] | None = None) -> MLP:
+    def network(self, env: Any = None, notes: Mapping[str, str] | None = None) -> MLP:
         """Policy without torch, of the mean action."""
         state = {name: array.detach().numpy() for name, array in self.layers.state_dict().items()}
-        state["0.weight"] = state["0.weight"] * np.float32(GAIN)
-        return MLP.from_state_dict(state, env, history=history, notes=notes)
+        state["0.weight"] = self.first_weight().detach().numpy()
+        return MLP.from_state_dict(state, env, history=len(self._of), notes=notes)
 
-    def policy(self, env: Any, history: int, notes: Mapping[str, str] | None = None) -> MLP:
+    def policy(self, env: Any, notes: Mapping[str, str] | None = None) -> MLP:
         """`network`, checked.
 
         Raises
@@ -99,7 +119,7 @@ class Actor(nn.Module):
         RuntimeError
             Its actions are not the actor's.
         """
-        policy = self.network(history, env, notes)
+        policy, history = self.network(env, notes), len(self._of)
         size = policy.sizes[0] // history
         rows = np.random.default_rng(0).normal(size=(256, history * size), scale=1.0 / GAIN).astype(np.float32)
         with torch.no_grad():
@@ -109,19 +129,22 @@ class Actor(nn.Module):
         return policy
 
     def load(self, policy: MLP) -> None:
-        """Load the weights of a policy with layers of the same sizes.
+        """Load the weights of a policy with layers of the same sizes; one with a shorter history has none further back.
 
         Raises
         ------
         ValueError
-            The policy has other layers, another activation, or normalises observations.
+            The policy has other layers, a longer history, another activation, or normalises observations.
         """
         data = policy.native.to_bytes()
         start = 8 + int.from_bytes(data[:8], "little")
         header = json.loads(data[8:start])
         form = json.loads(header["__metadata__"]["uvms_gym"])
-        own = [layer for layer in self.layers if isinstance(layer, nn.Linear)]
-        sizes = [own[0].in_features, *(layer.out_features for layer in own)]
+        own, total = self.linears, len(self._of)
+        size = own[0].in_features // len(self.spans)
+        if policy.history > total:
+            raise ValueError(f"the policy's frame_stack is {policy.history}, but must be at most {total}")
+        sizes = [policy.history * size, *(layer.out_features for layer in own)]
         wanted = {"sizes": sizes, "activation": "tanh", "output": "clip", "normalisation": None}
         for name, value in wanted.items():
             if form[name] != value:
@@ -129,11 +152,14 @@ class Actor(nn.Module):
         for i, layer in enumerate(own):
             for part, target in (("weight", layer.weight), ("bias", layer.bias)):
                 begin, end = header[f"layers.{i}.{part}"]["data_offsets"]
-                array = np.frombuffer(data[start + begin : start + end], dtype="<f4").reshape(target.shape)
+                array = np.frombuffer(data[start + begin : start + end], dtype="<f4").astype(np.float32)
+                given = torch.from_numpy(array).view(len(target), -1)
+                if (i, part) == (0, "weight"):
+                    recent = given.view(len(target), policy.history, size) / GAIN
+                    by_average = torch.zeros(len(target), len(self.spans), size)
+                    given = by_average.index_add(1, self._of[total - policy.history :], recent)
                 with torch.no_grad():
-                    target.copy_(torch.from_numpy(array.astype(np.float32)))
-        with torch.no_grad():
-            own[0].weight.div_(GAIN)
+                    target.copy_(given.view(target.shape))
 
 
 class Critic(nn.Module):

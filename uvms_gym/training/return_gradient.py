@@ -19,7 +19,7 @@ from uvms_gym import Simulator
 from uvms_gym._core import Task
 from uvms_gym._task.jacobians import base_actions, base_vjp
 from uvms_gym.envs import TaskVectorEnv
-from uvms_gym.training.networks import GAIN, Actor
+from uvms_gym.training.networks import Actor
 
 Floats = NDArray[np.float64]
 
@@ -191,8 +191,8 @@ class ReturnGradient:
 
 def forward(actor: Actor, inputs: Tensor) -> tuple[Tensor, Callable[[int, Tensor], Tensor]]:
     """Mean actions (H, b, a) for inputs (H, b, h d), and the pull-back from actions to inputs at a step."""
-    linears = [layer for layer in actor.layers if isinstance(layer, nn.Linear)]
-    weights = [layer.weight * (GAIN if layer is linears[0] else 1.0) for layer in linears]
+    linears = actor.linears
+    weights = [actor.first_weight(), *(layer.weight for layer in linears[1:])]
     slopes, x = [], inputs
     for weight, layer in zip(weights[:-1], linears, strict=False):
         x = actor.layers[1](nn.functional.linear(x, weight, layer.bias))

@@ -76,9 +76,20 @@ class Settings:
         return count(self.hyperparameters, "n_timesteps")
 
     @property
+    def spans(self) -> tuple[int, ...]:
+        """Number of successive observations in each average of the policy's input, oldest first: `frame_stack`.
+
+        A number h stands for h observations as they are. Errors as of `count`.
+        """
+        given = self.hyperparameters.get("frame_stack", 1)
+        if self.algo != "ppo" and isinstance(given, list) and given:
+            return tuple(count({"frame_stack": span}, "frame_stack") for span in given)
+        return (1,) * count({"frame_stack": given}, "frame_stack")
+
+    @property
     def history(self) -> int:
-        """Number of observations in the policy's input: `frame_stack`."""
-        return count({"frame_stack": 1, **self.hyperparameters}, "frame_stack")
+        """Number of observations in the policy's input."""
+        return sum(self.spans)
 
     @property
     def kwargs(self) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Shac(Learner):
         """Run episodes with noise on the actions; returns the drawn factors (n, k) on parameters, too."""
         shape = (self.num_envs, steps, self.envs.actions)
         noise = self.parameters.noise * torch.randn(shape, generator=self.generator(iteration, "collect"))
-        episodes = self.envs.run(self.seeds(iteration), actor.network(self.settings.history), noise, frames=True)
+        episodes = self.envs.run(self.seeds(iteration), actor.network(), noise, frames=True)
         return episodes, self.gradient.factors(self.envs.inner)
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
