@@ -60,7 +60,17 @@ def through_ros(name: str, seed: int, *options: str) -> dict[str, float]:
         # The last command is on the measurement a period before the end.
         control = [*UVMS, "control", *common, "--controller", name, "--seconds", f"{SECONDS - 0.1:g}", "--wait", "30"]
         with started(control) as other:
-            simulate = [*UVMS, "simulate", *common, "--seconds", f"{SECONDS:g}", "--json", str(file), *options]
+            simulate = [
+                *UVMS,
+                "simulate",
+                *common,
+                "--seconds",
+                f"{SECONDS:g}",
+                "--json",
+                str(file),
+                "--wait-for-controller",
+                *options,
+            ]
             done = subprocess.run(simulate, capture_output=True, text=True)
             assert done.returncode == 0, done.stderr
             try:
@@ -145,7 +155,16 @@ def interrupted(name: str, seed: int) -> dict[str, Any]:
         client = guest.node.create_client(Trigger, "reset")
         first = started([*control, "--seconds", f"{ENDED:g}"])
         with log.open("w") as lines:
-            simulate = [*UVMS, "simulate", *common, "--seconds", f"{AFTER:g}", "--json", str(file)]
+            simulate = [
+                *UVMS,
+                "simulate",
+                *common,
+                "--seconds",
+                f"{AFTER:g}",
+                "--json",
+                str(file),
+                "--wait-for-controller",
+            ]
             vehicle = subprocess.Popen(simulate, stdout=QUIET, stderr=lines)
         second = None
         while vehicle.poll() is None:

@@ -309,6 +309,20 @@ def test_a_simulation_in_lockstep_without_a_controller_ends_with_one_line(open_s
         simulator.run(5.0)
 
 
+def test_a_simulation_may_begin_with_its_controller(open_session: Any) -> None:
+    one = SimulatorNode(open_session("alone"), vehicle(seed=3), wait_for_controller=True, patience=0.5)
+    with pytest.raises(ValueError, match=r"no controller on odom and wrench or thrusts for 0\.5 s"):
+        one.run(1.0)
+    assert one.vehicle.time == 0.0
+    simulator = SimulatorNode(open_session("simulator"), vehicle(seed=3), wait_for_controller=True)
+    work = Background(lambda: simulator.run(4.0))
+    time.sleep(1.5)
+    assert simulator.vehicle.time == 0.0
+    control_node(open_session("controller"), seed=3).run(3.9)
+    work.join()
+    assert simulator.summary()["first_command"] < 2.0
+
+
 def test_bad_commands_are_ignored(open_session: Any) -> None:
     simulator, guest = SimulatorNode(open_session("simulator"), vehicle(), factor=4.0), open_session("guest")
     thrusts = guest.node.create_publisher(messages.COMMANDS["thrusts"], "thrusts", 10)

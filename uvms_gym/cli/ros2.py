@@ -46,6 +46,9 @@ def simulate(
     lockstep: Annotated[
         bool, Option("--lockstep", help="Wait for a command on every measurement, instead of the wall clock.")
     ] = False,
+    wait_for_controller: Annotated[
+        bool, Option("--wait-for-controller", help="Begin once a controller receives odom and publishes commands.")
+    ] = False,
     sensors: Annotated[
         Path | None,
         Option(
@@ -78,7 +81,13 @@ def simulate(
     with user_errors():
         vehicle = SimulatedVehicle(made, seed, suite)
     with user_errors(), session("uvms_simulator", namespace, remap or (), owned) as running:
-        node = SimulatorNode(running, vehicle, factor=factor, lockstep=lockstep, patience=wait)
+        given: dict[str, Any] = {
+            "factor": factor,
+            "lockstep": lockstep,
+            "wait_for_controller": wait_for_controller,
+            "patience": wait,
+        }
+        node = SimulatorNode(running, vehicle, **given)
         line(f"{made.snapshot().scene_name} on the topics of {running.node.get_fully_qualified_name()}; Ctrl-C ends it")
         try:
             node.run(float("inf") if seconds is None else seconds)

@@ -37,8 +37,10 @@ class SimulatorNode:
         Simulation time per wall time.
     lockstep : bool
         Wait at every instant for commands with the measurement's stamp; `factor` does not matter then.
+    wait_for_controller : bool
+        Begin at time 0 once another node receives `odom` and publishes `wrench` or `thrusts`.
     patience : float
-        Time to wait for them, s.
+        Time to wait for commands or a controller, s.
     """
 
     def __init__(
@@ -48,10 +50,12 @@ class SimulatorNode:
         *,
         factor: float = 1.0,
         lockstep: bool = False,
+        wait_for_controller: bool = False,
         patience: float = PATIENCE,
     ) -> None:
         self.session, self.vehicle = session, vehicle
         self._factor, self._lockstep, self._patience = factor, lockstep, patience
+        self._waits = wait_for_controller
         node = session.node
         self._publishers = {name: node.create_publisher(kind, name, 10) for name, kind in SENSORS.items()}
         self._contract = node.create_publisher(String, "contract", LATCHED)
@@ -80,8 +84,10 @@ class SimulatorNode:
         Raises
         ------
         ValueError
-            In lockstep no command comes.
+            In lockstep no command comes, or no controller that was to be waited for.
         """
+        if self._waits and not self.session.spin_until(self._is_controlled, self._patience):
+            raise ValueError(f"no controller on odom and wrench or thrusts for {self._patience:g} s")
         self._publish()
         due = time.perf_counter()
         while self.vehicle.time < seconds - 1e-9:
@@ -100,6 +106,10 @@ class SimulatorNode:
                 self.session.say(f"the vehicle diverged at {self.vehicle.time:g} s: next episode", once=False)
                 self.vehicle.reset()
             self._publish()
+
+    def _is_controlled(self) -> bool:
+        node = self.session.node
+        return any(map(node.count_publishers, ("wrench", "thrusts"))) and node.count_subscribers("odom") > 0
 
     def _publish(self) -> None:
         measurement = self.vehicle.measurement
