@@ -323,6 +323,20 @@ def test_a_simulation_may_begin_with_its_controller(open_session: Any) -> None:
     assert simulator.summary()["first_command"] < 2.0
 
 
+def test_lockstep_goes_on_without_joint_targets_where_nobody_publishes_them(open_session: Any) -> None:
+    simulator, guest = SimulatorNode(open_session("simulator"), vehicle(), lockstep=True), open_session("guest")
+    wrench = guest.node.create_publisher(messages.COMMANDS["wrench"], "wrench", 10)
+    kept = guest.node.create_subscription(
+        messages.SENSORS["odom"],
+        "odom",
+        lambda m: wrench.publish(messages.wrench_message(m.header.stamp, np.zeros(6))),
+        10,
+    )
+    work = Background(lambda: simulator.run(2.0))
+    assert guest.spin_until(lambda: simulator.vehicle.time > 1.99, 20.0) and kept is not None
+    work.join()
+
+
 def test_bad_commands_are_ignored(open_session: Any) -> None:
     simulator, guest = SimulatorNode(open_session("simulator"), vehicle(), factor=4.0), open_session("guest")
     thrusts = guest.node.create_publisher(messages.COMMANDS["thrusts"], "thrusts", 10)

@@ -13,7 +13,7 @@ from uvms_gym._extras import extra
 from uvms_gym.controllers.contract import policy_contract
 from uvms_gym.ros2.instruments import TOPICS
 from uvms_gym.ros2.messages import COMMANDS, SENSORS, by_name, sensor_messages, time_of, wrench_of
-from uvms_gym.ros2.session import LATCHED, Session
+from uvms_gym.ros2.session import DISCOVERY, LATCHED, Session
 from uvms_gym.ros2.vehicle import DEADMAN, SimulatedVehicle
 
 with extra("ros2-node"):
@@ -71,6 +71,7 @@ class SimulatorNode:
             ),
         ]
         self._answered: dict[str, float] = {}
+        self._discovered: float | None = None
         self._sent = 0.0
         #: Wall times from a measurement to the command on it, s; periods that began late; times that the deadman acted.
         self.round_trips: list[float] = []
@@ -137,8 +138,13 @@ class SimulatorNode:
     def _is_answered(self) -> bool:
         now = self.vehicle.time
         there = {name for name, stamp in self._answered.items() if abs(stamp - now) < 1e-6}
-        targeted = "joint_targets" in there or not self.session.node.count_publishers("joint_targets")
-        return targeted and bool(there & {"wrench", "thrusts"})
+        if not there & {"wrench", "thrusts"}:
+            return False
+        if "joint_targets" in there or not self.vehicle.joints:
+            return True
+        # The topics of one controller are discovered one after the other.
+        self._discovered = self._discovered or time.monotonic() + DISCOVERY
+        return time.monotonic() > self._discovered and not self.session.node.count_publishers("joint_targets")
 
     def _receiver(self, name: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
