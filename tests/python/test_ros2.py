@@ -357,6 +357,19 @@ def test_a_name_that_is_taken_is_one_line(open_session: Any) -> None:
         open_session("simulator")
 
 
+def test_topics_are_counted_under_their_other_names(space: str) -> None:
+    """Two vehicles on one machine: the second one's clock has another name."""
+    names = [f"/clock:={space}/clock_{k}" for k in range(2)]
+    with session("a", space, names[:1]) as first, session("b", space, names[1:]) as second:
+        kept = first.node.create_publisher(messages.SENSORS["/clock"], "/clock", 10)
+        with session("c", space, names[:1]) as third:
+            assert third.spin_until(lambda: third.publishers("/clock") == 1, 10.0)
+        # It has heard of the publisher, but under another name.
+        assert second.spin_until(lambda: second.node.count_publishers(f"{space}/clock_0") == 1, 10.0)
+        assert second.publishers("/clock") == 0
+    assert kept is not None
+
+
 def test_a_topic_that_another_node_publishes_is_one_line(open_session: Any) -> None:
     # rclpy ends publishers that nobody refers to.
     simulator = SimulatorNode(open_session("simulator"), vehicle())

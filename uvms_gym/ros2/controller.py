@@ -100,7 +100,7 @@ class ControllerNode:
         self.session.spin_until(
             lambda: self._error is not None or self._lockstep or len(self._stamps) == MEASUREMENTS, self._patience
         )
-        if self._contract is None and self.session.node.count_publishers("contract"):
+        if self._contract is None and self.session.publishers("contract"):
             self.session.spin_until(lambda: self._contract is not None, 2.0)
         if self._error is not None:
             raise ValueError(self._error)

@@ -44,10 +44,18 @@ class Session:
                 name = self.node.get_fully_qualified_name()
                 raise ValueError(f"{name} is the name of another node: end it, or give another --namespace")
             for topic in self._owned:
-                if self.node.count_publishers(topic):
+                if self.publishers(topic):
                     name = self.node.resolve_topic_name(topic)
                     raise ValueError(f"{name} is published by another node: end it, or give --namespace or --remap")
             self.spin(0.05)
+
+    def publishers(self, topic: str) -> int:
+        """Number of publishers of a topic, under its name after --remap, which rclpy does not apply here."""
+        return int(self.node.count_publishers(self.node.resolve_topic_name(topic)))
+
+    def subscribers(self, topic: str) -> int:
+        """Number of subscribers of a topic, as of `publishers`."""
+        return int(self.node.count_subscribers(self.node.resolve_topic_name(topic)))
 
     def spin(self, seconds: float) -> None:
         """Handle what comes until the first message or the end of a time, s."""

@@ -109,8 +109,8 @@ class SimulatorNode:
             self._publish()
 
     def _is_controlled(self) -> bool:
-        node = self.session.node
-        return any(map(node.count_publishers, ("wrench", "thrusts"))) and node.count_subscribers("odom") > 0
+        commanded = any(map(self.session.publishers, ("wrench", "thrusts")))
+        return commanded and self.session.subscribers("odom") > 0
 
     def _publish(self) -> None:
         measurement = self.vehicle.measurement
@@ -144,7 +144,7 @@ class SimulatorNode:
             return True
         # The topics of one controller are discovered one after the other.
         self._discovered = self._discovered or time.monotonic() + DISCOVERY
-        return time.monotonic() > self._discovered and not self.session.node.count_publishers("joint_targets")
+        return time.monotonic() > self._discovered and not self.session.publishers("joint_targets")
 
     def _receiver(self, name: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
