@@ -36,7 +36,8 @@ class Scoreboard(MarkdownDirective):
                     cells = (f"`{name}`", kind if by == "shipped" else f"submitted: {by}", *_cells(entry["metrics"]))
                     found.append((entry["metrics"]["pose"]["whole"]["iqm"]["value"], cells))
         rows = [(rank, *cells) for rank, (_, cells) in enumerate(sorted(found), 1)]
-        header = ("", "controller", "kind", "pose, mm", "95th percentile", "power, %", "variation, 1e-3", "diverged, %")
+        errors = ("pose, mm", "95th percentile", "99.9th", "worst")
+        header = ("", "controller", "kind", *errors, "power, %", "variation, 1e-3", "diverged, %")
         return table(header, rows)
 
 

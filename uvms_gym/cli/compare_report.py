@@ -20,10 +20,10 @@ _COSTS = ("power", "saturation", "variation", "recovery", "within", "success", "
 NOTES = (
     "Errors are root mean squares over an episode's steps; pose is sqrt(position^2 + (0.5 m attitude)^2). Numbers are "
     "interquartile means over training seeds and episodes (success and diverged: means) with 95 % bootstrap intervals "
-    "that resample both; p95 is the 95th percentile. P(better) is the probability that an episode has a smaller error "
-    "than one of the baseline (rliable's probability of improvement). Power is the mean of |T/T_max|^1.5; variation "
-    "the mean squared change of the action between steps; recovery the duration of the last stay outside the "
-    "tolerance; success the share of episodes that end within it."
+    "that resample both; p95 and p99.9 are percentiles, worst is the worst episode. P(better) is the probability that "
+    "an episode has a smaller error than one of the baseline (rliable's probability of improvement). Power is the mean "
+    "of |T/T_max|^1.5; variation the mean squared change of the action between steps; recovery the time of the last "
+    "stay outside the tolerance; success the share of episodes that end within it."
 )
 
 
@@ -79,20 +79,23 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
     first, short = summary.baseline, short_names(names)
     rows = []
     for name in names:
-        row = [short[name], *_with_p95(summary, name, HEADLINE)]
+        pose = summary.controllers[name]["metrics"][HEADLINE]["whole"]
+        tails = (f"{METRICS[HEADLINE].scale * pose[tail]:.0f}" for tail in ("p999", "worst"))
+        row = [short[name], *_with_p95(summary, name, HEADLINE), *tails]
         if name != first:
             ratios = summary.against[first][name]
-            pose = ratios[HEADLINE]["whole"]
+            against = ratios[HEADLINE]["whole"]
             row += [
-                percent(pose["ratio"]),
-                f"{pose['probability_of_improvement'].value:.2f}",
-                text(pose["p95_ratio"], 1.0, 2),
+                percent(against["ratio"]),
+                f"{against['probability_of_improvement'].value:.2f}",
+                text(against["p95_ratio"], 1.0, 2),
                 *(text(ratios[metric]["whole"]["ratio"], 1.0, 2) for metric in ("power", "variation")),
             ]
         else:
             row += ["", "", "1", "1", "1"]
         rows.append(row)
-    header = ["controller", METRICS[HEADLINE].label, "p95, mm", f"against {short[first]}", "P(better)"]
+    header = ["controller", METRICS[HEADLINE].label, "p95, mm", "p99.9", "worst"]
+    header += [f"against {short[first]}", "P(better)"]
     header += [f"{cost} / {short[first]}" for cost in ("p95", "power", "variation")]
     bounds = [name for name in names if is_bound(name)]
     if bounds:

@@ -19,7 +19,7 @@ from uvms_gym.studies.comparison.metrics import METRICS
 
 #: Columns of `settings_table`: texts, and all.
 TEXTS = ("controller", "role", "purpose", "tuned or trained in", "limits or prices")
-SETTINGS = (*TEXTS, "pose, mm", "p95", "power, %", "variation")
+SETTINGS = (*TEXTS, "pose, mm", "p95", "p99.9", "worst", "power, %", "variation")
 
 
 class Stored(NamedTuple):
@@ -110,15 +110,15 @@ def settings_table(found: Sequence[Stored]) -> list[tuple[str, ...]]:
     ]
 
 
-def figures(metrics: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Pose error with its interval, mm, and 95th percentile, power, %, variation, 1e-3; empty without metrics."""
+def figures(metrics: Mapping[str, Any]) -> tuple[str, ...]:
+    """Pose error with its interval, 95th and 99.9th percentile, worst, mm, power, %, variation, 1e-3; empty without."""
     if not metrics:
-        return ("", "", "", "")
+        return ("",) * (len(SETTINGS) - len(TEXTS))
     pose, power, variation = (metrics[name]["whole"] for name in ("pose", "power", "variation"))
     low, value, high = (METRICS["pose"].scale * pose["iqm"][end] for end in ("low", "value", "high"))
     return (
         f"{value:.2f} [{low:.2f}, {high:.2f}]",
-        f"{METRICS['pose'].scale * pose['p95']['value']:.1f}",
+        *(f"{METRICS['pose'].scale * tail:.1f}" for tail in (pose["p95"]["value"], pose["p999"], pose["worst"])),
         f"{METRICS['power'].scale * power['iqm']['value']:.1f}",
         f"{METRICS['variation'].scale * variation['iqm']['value']:.2f}",
     )

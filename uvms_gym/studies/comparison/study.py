@@ -12,6 +12,7 @@ from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, inform
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.summary import Summary
+from uvms_gym.studies.records import plain, rounded
 
 if TYPE_CHECKING:
     from uvms_gym.studies.comparison.unfinished import Scores
@@ -181,5 +182,5 @@ def as_document(
     return {
         "circumstances": circumstances,
         "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
-        "results": [as_data(*result) for result in results],
+        "results": [rounded(plain(as_data(*result))) for result in results],
     }

@@ -28,7 +28,7 @@ class Summary(NamedTuple):
     ----------
     controllers : dict
         Per controller: seeds, episodes, seconds, origin, and `metrics`: per metric and part the estimates `iqm` (for
-        shares `mean`) and `p95`.
+        shares `mean`) and `p95`, of errors also the numbers `p999`, the 99.9th percentile, and `worst`.
     against : dict
         Per baseline and controller the ratios of errors and costs; differences and probabilities of improvement over
         `baseline`.
@@ -151,12 +151,15 @@ def _metric(key: str) -> Metric:
 
 
 def _described(contender: Contender, run: EpisodeScores, found: Mapping[str, _Statistics]) -> dict[str, Any]:
-    estimates = {
+    estimates: dict[str, dict[str, Any]] = {
         key: {"iqm": statistics.mean.estimate(), "p95": statistics.p95.estimate()}
         if _metric(key).cut
         else {"mean": statistics.mean.estimate()}
         for key, statistics in found.items()
     }
+    for key, scores in run.scores.items():
+        if _metric(key).error:
+            estimates[key] |= {"p999": np.quantile(scores, 0.999), "worst": scores.max()}
     return {
         "training_seeds": contender.seeds,
         "origin": contender.origin,
