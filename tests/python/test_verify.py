@@ -1,6 +1,7 @@
 """`uvms verify`: everything stored is made again and compared; files that anyone may have written are one line."""
 
 import json
+import re
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -61,7 +62,8 @@ def test_everything_stored_is_reproduced(folder: Path, capsys: pytest.CaptureFix
 def places(entry: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Every entry below, with its container and key."""
     for key in entry if isinstance(entry, dict) else range(len(entry)):
-        name = f"{place}[{key}]" if isinstance(key, int) or "." in key else f"{place}.{key}".removeprefix(".")
+        plain = isinstance(key, str) and re.fullmatch(r"[\w-]+", key)
+        name = f"{place}.{key}".removeprefix(".") if plain else f"{place}[{key}]"
         yield name, entry, key
         if isinstance(entry[key], (dict, list)):
             yield from places(entry[key], name)
