@@ -14,6 +14,12 @@ tune() {
         python "$here/tune.py" --policies "$to" --controller "$name" --env "$env" "$@"
 }
 
+# tune_scene NAME SCENE ENVIRONMENT: gains of a classical controller on another scene, by a short search
+tune_scene() {
+    grep -qs "^ \"$1\": {" "$to/${3%-*-v0}/$2/0.1s/gains.json" ||
+        python "$here/tune.py" --policies "$to" --controller "$1" --scene "$2" --env "$3" --generations 20 --population 16
+}
+
 # run FILE ENVIRONMENT [OPTION...]: the policy FILE, unless it is finished; a stopped run goes on in its folder
 run() {
     file=$1 env=$2
@@ -68,6 +74,12 @@ done
 # Plans take time: fewer episodes.
 tune nmpc UVMS-StationKeep-Storm-v0 --generations 10 --population 12 --episodes 16 --finals 128
 tune dob/wide UVMS-StationKeep-Wide-v0
+for scene in bluerov2-heavy bluerov2-heavy-alpha5 bluerov2-heavy-alpha5-gripper bluerov2-heavy-two-alpha5 \
+    bluerov2-alpha5-pool rexrov; do
+    for name in pd dob mpc pid dob/informed; do
+        tune_scene $name $scene UVMS-StationKeep-Storm-v0
+    done
+done
 tune dob-adaptive UVMS-StationKeep-Wide-v0
 for name in resolved resolved-pid resolved-dob resolved-dob/still resolved-dob/calm resolved-dob/medium resolved-dob/free; do
     tune $name UVMS-EETrack-Storm-v0

@@ -123,7 +123,9 @@ def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any])
     assert recorded["arguments"]["seed"] == 3 and recorded["arguments"]["episodes"] == 48
     assert {"commit", "machine", "numpy", "gymnasium", "uvms_gym"} <= recorded.keys()
     assert comparison["results"][0]["options"]["disturbance"] == "storm"
-    assert comparison["results"][0]["controllers"]["pd"]["origin"] == {"tuned": None}
+    controllers = comparison["results"][0]["controllers"]
+    assert controllers["none"]["origin"] == {"tuned": None}
+    assert controllers["pd"]["origin"]["tuned"]["gains"].keys() == {"kp", "kd"}
 
 
 def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:

@@ -133,6 +133,7 @@ def test_bars_of_calm_water_have_short_ticks(drawn: Any, scale: float) -> None:
             whole = {
                 key: SimpleNamespace(**row) if key == "p95" else [factor * row[end] for end in ("value", "low", "high")]
                 for key, row in parts["whole"].items()
+                if isinstance(row, dict)
             }
             metrics[metric] = {"whole": whole}
         chosen[name] = {"metrics": metrics, "episodes": 2}
