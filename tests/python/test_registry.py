@@ -295,7 +295,7 @@ def test_the_command_lists_families_settings_gains_and_results(
     assert "dob/still" not in text and "dob/still" in shown("dob")
     text = shown("--env", STORM)
     assert "shac-distilled/wide" in text and "storm-wide, delay 0 to 3" in text and "resolved" not in text
-    assert "Nothing is tuned or trained for scene rexrov" in shown("--scene", "rexrov")
+    assert "Nothing is tuned or trained for scene petasus" in shown("--scene", "petasus")
     for arguments, words in (
         (["dob/clam"], "did you mean calm?"),
         (["--env", "CartPole-v1"], "CartPole-v1' is no env"),
