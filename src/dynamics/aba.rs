@@ -24,13 +24,14 @@
 
 use std::hint::cold_path;
 
-use super::branches::{Branches, at_carrier, motion_at_carrier, rate_at_carrier};
+use super::articulation::Outer;
+use super::branches::{Branches, at_carrier, fill, motion_at_carrier, rate_at_carrier, stored_zero};
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
-use super::link::{Drive, LinkScratch, add_joint_rate, joint_screws, with_zeros};
+use super::link::{LinkScratch, add_joint_rate, joint_screws};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
-use crate::spatial::{SpatialInertia, screw_z};
+use crate::spatial::SpatialInertia;
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
 
 /// Joint torques, servo targets and external link wrenches, constant over a control period except for the targets.
@@ -169,7 +170,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         return;
     }
-    let Scratch { links, branches, contact, water, .. } = scratch;
+    let Scratch { links, branches, contact, water, outer, .. } = scratch;
     let links = &mut links[..joints.len()];
 
     if system.tree {
@@ -231,10 +232,11 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     }
 
-    if system.sparse {
-        inward::<_, _, _, true>(system, at, loads, links, branches, twist_rate);
-    } else {
-        inward::<_, _, _, false>(system, at, loads, links, branches, twist_rate);
+    match (system.sparse, system.geared) {
+        (true, true) => inward::<_, _, _, true, true>(system, at, loads, links, branches, outer, twist_rate),
+        (true, false) => inward::<_, _, _, true, false>(system, at, loads, links, branches, outer, twist_rate),
+        (false, true) => inward::<_, _, _, false, true>(system, at, loads, links, branches, outer, twist_rate),
+        (false, false) => inward::<_, _, _, false, false>(system, at, loads, links, branches, outer, twist_rate),
     }
 
     let mut V_dot = *twist_rate;
@@ -278,76 +280,55 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
 /// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
 #[inline(always)]
-fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
     links: &mut [LinkScratch<L>],
     branches: &mut Branches<L>,
+    outer: &mut Outer<L>,
     twist_rate: &mut Vector6<L>,
 ) {
     let Instant { q, qd, time, .. } = *at;
     let joints = system.chain();
-    // Contribution of the outer links to this body's I_A and p_A.
-    let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
+    let in_memory = GEARED && !L::MANY_REGISTERS;
+    let mut registers;
+    let outer = if in_memory {
+        fill(stored_zero(), &mut outer.inertia, &mut outer.p);
+        outer
+    } else {
+        registers = Outer::zero();
+        &mut registers
+    };
     for i in (0..joints.len().min(links.len())).rev() {
         // Both are there for every i; `get` leaves no call that reports an index out of bounds.
         let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         if joint.branch.forks {
             cold_path();
-            branches.take(i + 1, &mut I_children, &mut p_children);
+            branches.take(i + 1, &mut outer.inertia, &mut outer.p);
         }
-        let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
-        let mut p = link.p + p_children;
-        (I_children, p_children) = if joint.rotor_inertia.is_some() {
-            cold_path();
-            let drive = if joint.prescribed {
-                Drive::Acceleration(loads.target_acceleration(i, time))
-            } else {
-                Drive::Torque { tau, damping: None }
-            };
-            link.eliminate(joint, &I_A, p, drive)
-        } else {
-            // Along its axis a joint without a rotor transmits its torque only.
-            let (I_a, p_a) = match joint.screw {
-                JointScrew::Revolute { d } => {
-                    let screw = screw_z(link.screw[0], link.screw[1], d);
-                    let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
-                    link.U_over_D.linear = U_over_D.linear;
-                    (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) =
-                        (U_over_D.angular.0[0], U_over_D.angular.0[1]);
-                    let u = tau - p.angular.0[2];
-                    link.u_over_D = u * one_over_D;
-                    I_a.apply_across(link.c, &mut p);
-                    p = U_over_D.scale_add(u, p);
-                    p.angular.0[2] = tau;
-                    (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
-                }
-                JointScrew::Prismatic { sin, cos } => {
+        match (joint.screw, joint.rotor_inertia) {
+            (JointScrew::Revolute { d }, Some(J)) if in_memory && !joint.prescribed => {
+                outer.across_geared::<_, _, SPARSE>(joint, d, J.get(), tau, link);
+            }
+            _ => {
+                if in_memory {
                     cold_path();
-                    let screw = screw_z(sin, cos, Some(link.screw[0]));
-                    let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
-                    link.U_over_D = U_over_D;
-                    let u = tau - p.linear.0[2];
-                    link.u_over_D = u * one_over_D;
-                    p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
-                    p.linear.0[2] = tau;
-                    (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
                 }
-            };
-            (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a))
-        };
+                outer.across::<_, _, SPARSE, GEARED>(joint, tau, (loads, i, time), link);
+            }
+        }
         if let Some(carrier) = joint.branch.carrier {
             cold_path();
-            branches.add(carrier, &mut I_children, &mut p_children);
+            branches.add(carrier, &mut outer.inertia, &mut outer.p);
         } else if i == 0 && system.tree {
             cold_path();
-            branches.take(0, &mut I_children, &mut p_children);
+            branches.take(0, &mut outer.inertia, &mut outer.p);
         }
     }
 
-    *twist_rate = vehicle_rate::<_, _, _, SPARSE>(system, at, &I_children, p_children);
+    *twist_rate = vehicle_rate::<_, _, _, SPARSE>(system, at, &outer.inertia, outer.p);
 }
 
 /// `V'` of the vehicle under the inertia and the bias wrench of what it carries.

@@ -114,13 +114,13 @@ impl<L: Lane> Branches<L> {
 
 /// Zero that the compiler does not know: it would call `memset` in the kernels.
 #[inline(always)]
-fn stored_zero<L: Lane>() -> L {
+pub(super) fn stored_zero<L: Lane>() -> L {
     std::hint::black_box(L::zero())
 }
 
 /// Sets all numbers.
 #[inline(always)]
-fn fill<L: Lane>(value: L, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
+pub(super) fn fill<L: Lane>(value: L, inertia: &mut SpatialInertia<L>, p: &mut Vector6<L>) {
     (inertia.m, inertia.h, inertia.j) = ([value; 6], [[value; 3]; 3], [value; 6]);
     (p.linear.0, p.angular.0) = ([value; 3], [value; 3]);
 }

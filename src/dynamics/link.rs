@@ -7,6 +7,7 @@
 
 use std::hint::cold_path;
 
+use super::articulation::Outer;
 use super::branches::Branches;
 use super::contact::ContactScratch;
 use super::place::WaterFrame;
@@ -75,6 +76,8 @@ pub struct Scratch<L> {
     pub(crate) links: [LinkScratch<L>; JOINTS],
     /// Sums of branches; only trees use them.
     pub(super) branches: Branches<L>,
+    /// Inertia and bias wrench of the outer links.
+    pub(super) outer: Outer<L>,
     /// Rates of the twists of links that carry branches; inverse dynamics only.
     pub(super) rates: [Vector6<L>; JOINTS],
     /// Wrenches of contacts; only scenes with contact use them.
@@ -88,7 +91,7 @@ impl<L: Lane> Scratch<L> {
     pub fn new() -> Self {
         let (link, none) = (LinkScratch::new(), Vector6::zero());
         let (branches, contact, water) = (Branches::new(), ContactScratch::new(), WaterFrame::still());
-        Self { links: [link; JOINTS], branches, rates: [none; JOINTS], contact, water }
+        Self { links: [link; JOINTS], branches, outer: Outer::zero(), rates: [none; JOINTS], contact, water }
     }
 
     /// Inertia about or along joint `i` at the last implicit pass.

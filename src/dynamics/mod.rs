@@ -22,6 +22,7 @@
 pub mod aba;
 pub mod aba_adjoint;
 pub mod aba_implicit;
+mod articulation;
 mod body_adjoint;
 mod branches;
 mod closed_form;

@@ -54,6 +54,7 @@ mod prefetch;
 mod rows;
 #[allow(unsafe_code)]
 mod scalar;
+mod separate;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 #[allow(unsafe_code)]
 mod simd;
@@ -75,5 +76,6 @@ pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use scalar::Unfused;
+pub use separate::separate;
 pub use tape::Tape;
 pub use transpose::{Transposable, transpose};

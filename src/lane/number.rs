@@ -37,6 +37,9 @@ pub trait Lane:
         routine.run();
     }
 
+    /// True for lanes of an instruction set with 32 registers; others have 16.
+    const MANY_REGISTERS: bool = false;
+
     /// The same number in every lane.
     fn splat(x: Self::Real) -> Self;
     /// Reads `LANES` numbers from the front of `from`.

@@ -74,6 +74,7 @@ macro_rules! simd_lane {
             type Real = $real;
             type Mask = $mask;
             const LANES: usize = $lanes;
+            const MANY_REGISTERS: bool = cfg!(target_arch = "aarch64") || size_of::<$vector>() == 64;
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {

@@ -29,7 +29,7 @@ numbers! {
 #[derive(Debug, Clone, Copy)]
 pub struct Screw<T, S, const ALONG: usize> {
     rotation: LinkTwist<T>,
-    translation: Option<S>,
+    pub(super) translation: Option<S>,
 }
 
 /// `Rx(alpha) Tx(a)`.
@@ -229,23 +229,47 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     /// `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`
     #[inline(always)]
     fn translate_inertia<L: Lane, const REVOLUTE: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
-        let (i, k, n) = (Self::I, Self::K, ALONG);
-        let (mut h, mut j) = (a.h, a.j);
-        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
-        h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
-        h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
-        h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
-        h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
-        h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
-        h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
-        j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
-        j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
-        j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
-        if !REVOLUTE {
-            j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
-            j[kn] = h[i][n].mul_add(d, a.j[kn]);
-        }
+        let h = Self::translate_coupling(&a.m, &a.h, d);
+        let j = Self::translate_angular::<L, REVOLUTE>(&a.j, &Self::sums(&a.h, &h), d);
         SpatialInertia { m: a.m, h, j }
+    }
+
+    /// `H' = H - M [r]`
+    #[inline(always)]
+    pub(super) fn translate_coupling<L: Lane>(m: &[L; 6], old: &[[L; 3]; 3], d: L) -> [[L; 3]; 3] {
+        let (i, k, n) = (Self::I, Self::K, ALONG);
+        let mut h = *old;
+        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
+        h[i][i] = m[ik].neg_mul_add(d, h[i][i]);
+        h[i][k] = m[ii].mul_add(d, h[i][k]);
+        h[k][i] = m[kk].neg_mul_add(d, h[k][i]);
+        h[k][k] = m[ik].mul_add(d, h[k][k]);
+        h[n][i] = m[kn].neg_mul_add(d, h[n][i]);
+        h[n][k] = m[inn].mul_add(d, h[n][k]);
+        h
+    }
+
+    /// Sums over the coupling blocks H before and after a translation that enter the angular block.
+    #[inline(always)]
+    pub(super) fn sums<L: Lane>(old: &[[L; 3]; 3], h: &[[L; 3]; 3]) -> [L; 5] {
+        let (i, k, n) = (Self::I, Self::K, ALONG);
+        [old[k][i] + h[k][i], old[i][i] - h[k][k], old[i][k] + h[i][k], h[k][n], h[i][n]]
+    }
+
+    /// `J' = J - H^T [r] + [r] H'` by these [`Self::sums`].
+    #[inline(always)]
+    pub(super) fn translate_angular<L: Lane, const REVOLUTE: bool>(old: &[L; 6], sums: &[L; 5], d: L) -> [L; 6] {
+        let (i, k, n) = (Self::I, Self::K, ALONG);
+        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
+        let mut j = *old;
+        j[ii] = sums[0].neg_mul_add(d, j[ii]);
+        j[ik] = sums[1].mul_add(d, j[ik]);
+        j[kk] = sums[2].mul_add(d, j[kk]);
+        if !REVOLUTE {
+            j[inn] = sums[3].neg_mul_add(d, j[inn]);
+            j[kn] = sums[4].mul_add(d, j[kn]);
+        }
+        j
     }
 
     #[inline(always)]
@@ -263,7 +287,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
 
     /// `R S R^T` of a symmetric matrix; `PLANAR` if its entries along the axis are zero.
     #[inline(always)]
-    fn rotate_symmetric<L: Lane, const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6]
+    pub(super) fn rotate_symmetric<L: Lane, const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6]
     where
         T: Param<L>,
         S: Param<L>,
@@ -304,7 +328,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
 
     /// `R H R^T` of a full matrix; `PLANAR` if its column along the axis is zero.
     #[inline(always)]
-    fn rotate_full<L: Lane, const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3]
+    pub(super) fn rotate_full<L: Lane, const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3]
     where
         T: Param<L>,
         S: Param<L>,

@@ -187,6 +187,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         tree: joints.iter().any(|joint| joint.branch.carrier.is_some()),
         payload_body: tip_carrier.map_or(0, |k| k + 1),
         prescribed: joints.iter().any(|joint| joint.prescribed),
+        geared: joints.iter().any(|joint| joint.rotor_inertia.is_some()),
         z_aligned: joints.iter().all(|joint| joint.body.is_z_aligned()),
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,

@@ -30,6 +30,8 @@ numbers! {
         pub payload_body: usize,
         /// True if a joint is prescribed.
         pub prescribed: bool,
+        /// True if a joint has a rotor.
+        pub geared: bool,
         /// True if all links are [`BodyTerms::is_z_aligned`].
         pub z_aligned: bool,
         /// True if the inertias of all bodies are [`SpatialInertia::is_sparse`].

@@ -1,0 +1,68 @@
+//! Screw transforms of an inertia that is in memory, one block at a time: linear, coupling, angular.
+//!
+//! Together they are [`Screw::inertia_to_parent`], with the same bits. A block fits into the registers of every instruction set,
+//! a whole inertia only into those of AVX-512 and NEON.
+
+use super::Screw;
+use crate::lane::{Lane, Param};
+
+/// Numbers of earlier blocks that a translation needs for later ones.
+#[derive(Debug, Clone)]
+pub struct EarlierBlocks<L> {
+    /// Linear block before the transform.
+    m: [L; 6],
+    /// Sums over the coupling block before and after the translation.
+    sums: [L; 5],
+}
+
+impl<L: Lane> EarlierBlocks<L> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { m: [L::zero(); 6], sums: [L::zero(); 5] }
+    }
+}
+
+impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
+    /// Linear block in the parent frame; the first of the three.
+    #[inline(always)]
+    pub fn linear_to_parent<L: Lane>(&self, m: &[L; 6], earlier: &mut EarlierBlocks<L>) -> [L; 6]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        if self.translation.is_some() {
+            earlier.m = *m;
+        }
+        self.rotate_symmetric::<L, false>(m)
+    }
+
+    /// Coupling block in the parent frame; the second.
+    #[inline(always)]
+    pub fn coupling_to_parent<L: Lane>(&self, h: &[[L; 3]; 3], earlier: &mut EarlierBlocks<L>) -> [[L; 3]; 3]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        let mut moved = *h;
+        if let Some(d) = self.translation {
+            moved = Self::translate_coupling(&earlier.m, h, d.get());
+            earlier.sums = Self::sums(h, &moved);
+        }
+        self.rotate_full::<L, false>(&moved)
+    }
+
+    /// Angular block in the parent frame; the third.
+    #[inline(always)]
+    pub fn angular_to_parent<L: Lane>(&self, j: &[L; 6], earlier: &EarlierBlocks<L>) -> [L; 6]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        let mut moved = *j;
+        if let Some(d) = self.translation {
+            moved = Self::translate_angular::<L, false>(j, &earlier.sums, d.get());
+        }
+        self.rotate_symmetric::<L, false>(&moved)
+    }
+}
