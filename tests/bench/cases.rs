@@ -15,8 +15,16 @@ impl Case {
     pub fn new(scene: &str, precision: Precision, integrator: &str, instances: usize) -> Self {
         let scene = Scene::shipped(scene).expect("shipped");
         let integrator = integrator.to_owned();
-        let options =
-            SimulatorOptions { instances, precision, integrator, threads: Some(1), ..SimulatorOptions::default() };
+        // Without companions: the kernel by itself.
+        let (threads, error_estimate) = (Some(1), Some(false));
+        let options = SimulatorOptions {
+            instances,
+            precision,
+            integrator,
+            threads,
+            error_estimate,
+            ..SimulatorOptions::default()
+        };
         let (home, thrusters) = (scene.home(), scene.vehicle.thrusters.len());
         let mut simulator = Simulator::new(scene, options).expect("shipped scenes compose");
         for i in 0..instances {
