@@ -96,6 +96,25 @@ for seed in 0 1 2 3 4; do
     scratch ppo $seed $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
     scratch ppo $seed $track 0.2 0.3 -n 5000000 -params frame_stack:6
 done
+# A memory of 7 s: averages of older observations. Prices of effort and variation of four runs in turn.
+long() {
+    i=1 start=$to/UVMS-StationKeep/petasus-pum/0.1s/$(file shac-distilled $1).safetensors
+    made=$more/UVMS-StationKeep/petasus-pum/0.1s/$(file shac-distilled/long $1).safetensors
+    while read -r steps effort rate; do
+        i=$((i + 1)) next=out/train/$(file shac-distilled/long $1)-$((i)).safetensors
+        [ $i -lt 5 ] || next=$made
+        run "$next" $keep --algo shac --start "$start" -n $steps --seed $1 \
+            -params "frame_stack:[32,16,8,4,4,1,1,1,1,1,1,1,1]" \
+            --env-kwargs "reward:{'pose':1.2,'pose_scale':0.1,'effort':$effort,'action_rate':$rate}" </dev/null
+        start=$next
+    done <<END
+2000000 0.28 0.023
+4000000 0.34 0.05
+4000000 0.30 0.03
+4000000 0.27 0.024
+END
+}
+long 0
 wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
     start=out/train/shac-distilled-wide-$seed-start.safetensors

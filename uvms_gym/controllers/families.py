@@ -229,7 +229,11 @@ FAMILIES: dict[str, Family] = {
         "First choice among policies for station keeping.",
         _STATION,
         default="quick",
-        settings={**_levels(_PRICES, ("calm", "quick")), "wide": _WIDE},
+        settings={
+            **_levels(_PRICES, ("calm", "quick")),
+            "long": Setting("a memory of 7 s: the smallest error at a limited effort", "frontier"),
+            "wide": _WIDE,
+        },
     ),
     "residual": Family(
         "Neural correction to the actions of a classical controller, trained by PPO.",
