@@ -33,7 +33,7 @@ impl<L: Lane> Outer<L> {
     #[inline(always)]
     pub fn zero() -> Self {
         let (none, zero) = (EarlierBlocks::zero(), [L::zero(); 3]);
-        let (of_screw, of_placement) = (none.clone(), none);
+        let (of_screw, of_placement) = (none, none);
         Self { inertia: SpatialInertia::zero(), p: Vector6::zero(), of_screw, of_placement, force: zero, moment: zero }
     }
 

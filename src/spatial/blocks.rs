@@ -7,7 +7,7 @@ use super::Screw;
 use crate::lane::{Lane, Param};
 
 /// Numbers of earlier blocks that a translation needs for later ones.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct EarlierBlocks<L> {
     /// Linear block before the transform.
     m: [L; 6],

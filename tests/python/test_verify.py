@@ -1,8 +1,8 @@
 """`uvms verify`: everything stored is made again and compared; files that anyone may have written are one line."""
 
 import json
-import re
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

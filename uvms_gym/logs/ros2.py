@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym._files import replacing
 from uvms_gym.logs.channel_map import ChannelMap
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.tables import Table, make_table
@@ -218,7 +219,7 @@ def _recover(path: Path, folder: Path) -> tuple[Path, int]:
     from mcap.writer import Writer
 
     copy, count, schemas, topics = folder / path.name, 0, {0: 0}, {}
-    with path.open("rb") as file, copy.open("wb") as out:
+    with path.open("rb") as file, replacing(copy) as out:
         writer: Any = Writer(out)
         writer.start(profile="ros2")
         with suppress(Exception):  # (the damage)
