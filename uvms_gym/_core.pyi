@@ -218,7 +218,7 @@ class NavigationFilter:
         deviations: tuple[float, float, float] = ...,
         mask: ArrayLike | None = None,
     ) -> None:
-        """Start at given poses and twists, or at the simulator's; deviations are 0.1 m, 0.05 rad, 0.05 m/s by default."""
+        """Start at given poses and twists, or the simulator's; deviations are 0.1 m, 0.05 rad, 0.05 m/s by default."""
 
     def update(self, readings: Mapping[str, Any]) -> None:
         """Move with the IMU and correct by the other sensors: readings of `Sensors.measure`."""
