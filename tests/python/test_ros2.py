@@ -132,10 +132,11 @@ def test_a_reset_begins_controller_and_vehicle_anew(open_session: Any) -> None:
     node = control_node(open_session("controller"), seed=5)
     guest = open_session("guest")
     client = guest.node.create_client(Trigger, "reset")
-    work, acting = Background(lambda: simulator.run(10.0)), Background(lambda: node.run(9.9))
+    # Before the run, which takes a fraction of a second.
     assert client.wait_for_service(timeout_sec=10.0)
+    work, acting = Background(lambda: simulator.run(10.0)), Background(lambda: node.run(9.9))
     while simulator.vehicle.time < 2.0:
-        time.sleep(0.005)
+        time.sleep(0.001)
     answer = client.call_async(Trigger.Request())
     assert guest.spin_until(answer.done, 10.0) and answer.result().success
     work.join()
