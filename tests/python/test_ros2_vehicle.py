@@ -151,7 +151,7 @@ def test_instruments_read_what_sensors_of_the_same_declaration_read(suite: dict[
 
 
 def test_covariances_are_variances_of_the_readings() -> None:
-    """Of a vehicle at rest in calm water, by 4000 readings; biases are in no covariance."""
+    """Noise of a vehicle at rest in calm water, by 4000 readings; biases are in no covariance."""
     quiet = dict.fromkeys(("gyro_bias", "accelerometer_bias", "gyro_walk", "accelerometer_walk"), 0.0)
     simulator, period = Simulator("free-body"), 0.1
     suite = {"imu": quiet, "dvl": {"beam_dropout": 0.0, "rate": 20.0}, "depth": {"offset": 0.0, "rate": 20.0}}
