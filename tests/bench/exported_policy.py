@@ -84,46 +84,17 @@ def shipped() -> Iterator[tuple[str, str, Path]]:
         yield file.relative_to(folder).parts[0], file.stem.rpartition("-")[0], file
 
 
-class Exact:
-    """The network in double precision, on the observations of the native policy."""
-
-    def __init__(self, model: PolicyModel) -> None:
-        self._model = model
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin an episode."""
-        self._stack = np.zeros((self._model.history, self._model.observation))
-
-    def step(self, observation: Any) -> Any:
-        """Action (a,)."""
-        model, self._stack = self._model, np.vstack([self._stack[1:], observation])
-        x = self._stack.ravel()
-        if model.normalisation is not None:
-            mean, factor, clip = (np.asarray(part, dtype=np.float64) for part in model.normalisation)
-            x = np.clip((x - mean) * factor, -clip, clip)
-        for k, (weights, biases) in enumerate(model.layers):
-            x = weights.astype(np.float64) @ x + biases
-            if k + 1 < len(model.layers):
-                x = {"tanh": np.tanh, "relu": lambda y: np.maximum(y, 0.0), "elu": _elu}[model.activation](x)
-        return np.tanh(x) if model.output == "tanh" else np.clip(x, -1.0, 1.0)
-
-
-def _elu(x: Any) -> Any:
-    return np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
-
-
 def agreement(policy: MLP, env: Any, delay: int, dropouts: bool, form: str) -> dict[str, Any]:
     """Calls, and how far an exported policy is from the native one on observations by the contract."""
     model, rng = policy_model(policy, env, delay=delay), np.random.default_rng(0)
     found = {"form": form, "further_delay": delay, "dropouts": dropouts, "calls": 0, "missing": 0, "different_bits": 0}
-    largest, exact = {"observation": 0.0, "action": 0.0, "native_from_exact": 0.0}, Exact(model)
+    largest = {"observation": 0.0, "action": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         contract = export_policy(policy, file := Path(folder, f"policy.{form}"), env, delay=delay)
         reference = Vehicle(policy, json.loads(contract.read_text()))
         exported = CPolicy(file) if form == "c" else OnnxPolicy(file)
         for seed in range(EPISODES):
-            for one in (reference, exported, exact):
+            for one in (reference, exported):
                 one.reset()
             (observation, _), over = env.reset(seed=seed), False
             while not over:
@@ -135,8 +106,7 @@ def agreement(policy: MLP, env: Any, delay: int, dropouts: bool, form: str) -> d
                 expected, given = reference.step(model, values), exported.step(model, values)
                 found["calls"] += 1
                 found["different_bits"] += any(e.tobytes() != g.tobytes() for e, g in zip(expected, given))
-                pairs = zip((*expected, expected[1]), (*given, exact.step(expected[0])))
-                for name, (e, g) in zip(largest, pairs):
+                for name, e, g in zip(largest, expected, given):
                     largest[name] = max(largest[name], float(np.abs(e - g).max()))
                 # The exported policy closes the loop, and its action is the last one of both.
                 reference.action = given[1]
@@ -206,11 +176,8 @@ def main() -> None:
             row["microseconds"] = call_times(policy, policy_model(policy, env), env)
         print(env_id, name, policy.sizes, row, flush=True)
         for one in row["agreement"]:
-            # Single precision has a limit of its own: the native policy's distance from the exact network.
-            found = one["largest_difference"]
-            near = found["action"] <= max(1e-6, 1.5 * found["native_from_exact"])
-            sound = near if one["form"] == "onnx" else one["different_bits"] == 0
-            assert sound, one
+            assert max(one["largest_difference"].values()) <= 1e-6, one
+            assert one["form"] == "onnx" or one["different_bits"] == 0, one
     write_json(out, {"circumstances": circumstances("tests/bench/exported_policy.py", {}), "rows": rows})
 
 

@@ -16,8 +16,8 @@ from uvms_gym.export.policy import ERRORS, PolicyModel
 CC = shutil.which("cc")
 #: The flags that every file must compile with, without a warning.
 FLAGS = ("-std=c99", "-Wall", "-Werror")
-#: Bound on entries of actions and observations over an episode.
-BOUND = 1e-6
+#: Bound on entries of actions and observations over an episode: two units in the last place of 1.
+BOUND = 2.4e-7
 POINTER = ctypes.c_void_p
 
 

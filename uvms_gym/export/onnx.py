@@ -1,4 +1,9 @@
-"""Policies as ONNX graphs: scaling, history, delay and memory are in the graph; the memory is inputs and outputs."""
+"""Policies as ONNX graphs: scaling, history, delay and memory are in the graph; the memory is inputs and outputs.
+
+A runtime may add the terms of a matrix product in any order, and single precision then differs from the native policy by
+several 1e-6. The graph therefore adds them one by one, with a fused multiply-add as the native policy does: the product
+of two single numbers is exact in double precision, and the sum is rounded to single.
+"""
 
 import json
 from typing import Any
@@ -7,7 +12,7 @@ import numpy as np
 
 from uvms_gym._extras import extra
 from uvms_gym.export.c import TANH, TANH_EDGE
-from uvms_gym.export.policy import ERRORS, PolicyModel
+from uvms_gym.export.policy import ERRORS, PolicyModel, Singles
 
 #: Version of the operators, and of the format, which runtimes since 2022 read.
 OPSET, FORMAT = 17, 8
@@ -17,11 +22,12 @@ _LARGEST = np.finfo(np.float64).max
 class _Graph:
     """Nodes and constants, each under a name of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, prefix: str = "") -> None:
         with extra("onnx"):
             import onnx
 
         self.onnx: Any = onnx
+        self.prefix = prefix
         self.nodes: list[Any] = []
         self.constants: dict[tuple[Any, ...], Any] = {}
 
@@ -33,9 +39,14 @@ class _Graph:
         return str(self.constants[key].name)
 
     def __call__(self, kind: str, *inputs: str, name: str = "", **attributes: Any) -> str:
-        name = name or f"{kind.lower()}_{len(self.nodes)}"
+        name = name or f"{self.prefix}{kind.lower()}_{len(self.nodes)}"
         self.nodes.append(self.onnx.helper.make_node(kind, list(inputs), [name], **attributes))
         return name
+
+    def fused(self, a: str, b: str, c: str) -> str:
+        """`a b + c` in single precision, rounded once; `a` and `b` are in double."""
+        total = self("Add", self("Mul", a, b), self("Cast", c, to=self.onnx.TensorProto.DOUBLE))
+        return self("Cast", total, to=self.onnx.TensorProto.FLOAT)
 
     def columns(self, x: str, first: int, end: int) -> str:
         return self("Slice", x, *(self.constant([k], np.int64) for k in (first, end, 1)))
@@ -88,7 +99,7 @@ def export(model: PolicyModel) -> bytes:
         x = graph("Mul", graph("Sub", x, graph.constant(mean, single)), graph.constant(factor, single))
         x = graph.clip(x, clip, single)
     for k, (weights, biases) in enumerate(model.layers):
-        x = graph("Gemm", x, graph.constant(weights, single), graph.constant(biases, single), transB=1)
+        x = _layer(graph, x, weights, biases)
         if k + 1 < len(model.layers):
             x = _activation(graph, x, model.activation)
     x = _tanh(graph, x) if model.output == "tanh" else graph.clip(x, 1.0, single)
@@ -119,6 +130,29 @@ def export(model: PolicyModel) -> bytes:
     return bytes(file.SerializeToString())
 
 
+def _layer(graph: _Graph, x: str, weights: Singles, biases: Singles) -> str:
+    """`W x + b`: a loop over the inputs, with all outputs side by side."""
+    helper, kinds, outputs = graph.onnx.helper, graph.onnx.TensorProto, len(biases)
+    step = _Graph("step_")
+    sums = step.fused("input", "column", "sums")
+    body = helper.make_graph(
+        step.nodes,
+        "add_input",
+        [
+            helper.make_tensor_value_info("sums", kinds.FLOAT, ["n", outputs]),
+            helper.make_tensor_value_info("input", kinds.DOUBLE, ["n", 1]),
+            helper.make_tensor_value_info("column", kinds.DOUBLE, [outputs]),
+        ],
+        [helper.make_tensor_value_info(sums, kinds.FLOAT, ["n", outputs])],
+    )
+    rows = graph("Shape", x, start=0, end=1)
+    shape = graph("Concat", rows, graph.constant([outputs], np.int64), axis=0)
+    start = graph("Expand", graph.constant(biases, np.float32), shape)
+    inputs = graph("Transpose", graph("Cast", x, to=kinds.DOUBLE), perm=[1, 0])
+    one_by_one = graph("Unsqueeze", inputs, graph.constant([2], np.int64))
+    return graph("Scan", start, one_by_one, graph.constant(weights.T, np.float64), body=body, num_scan_inputs=2)
+
+
 def _activation(graph: _Graph, x: str, kind: str) -> str:
     if kind == "tanh":
         return _tanh(graph, x)
@@ -138,7 +172,9 @@ def _tanh(graph: _Graph, x: str) -> str:
 
 
 def _horner(graph: _Graph, z: str, row: tuple[float, ...]) -> str:
+    wide = graph("Cast", z, to=graph.onnx.TensorProto.DOUBLE)
     total = graph.constant(row[-1], np.float32)
     for number in reversed(row[:-1]):
-        total = graph("Add", graph("Mul", total, z), graph.constant(number, np.float32))
+        total_wide = graph("Cast", total, to=graph.onnx.TensorProto.DOUBLE)
+        total = graph.fused(total_wide, wide, graph.constant(number, np.float32))
     return total
