@@ -98,7 +98,8 @@ for seed in 0 1 2 3 4; do
 done
 # A memory of 7 s: averages of older observations. Prices of effort and variation of four runs in turn.
 long() {
-    i=1 start=$to/UVMS-StationKeep/petasus-pum/0.1s/$(file shac-distilled $1).safetensors
+    i=1 start=$more/UVMS-StationKeep/petasus-pum/0.1s/$(file shac-distilled $1).safetensors
+    [ "$1" != 0 ] || start=$to/${start#"$more/"}
     made=$more/UVMS-StationKeep/petasus-pum/0.1s/$(file shac-distilled/long $1).safetensors
     while read -r steps effort rate; do
         i=$((i + 1)) next=out/train/$(file shac-distilled/long $1)-$((i)).safetensors
@@ -114,7 +115,9 @@ long() {
 4000000 0.27 0.024
 END
 }
-long 0
+for seed in 0 1 2 3 4; do
+    long $seed
+done
 wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
     start=out/train/shac-distilled-wide-$seed-start.safetensors
