@@ -1,8 +1,8 @@
 """Policies as ONNX graphs: scaling, history, delay and memory are in the graph; the memory is inputs and outputs.
 
-A runtime may add the terms of a matrix product in any order, and single precision then differs from the native policy by
-several 1e-6. The graph therefore adds them one by one, with a fused multiply-add as the native policy does: the product
-of two single numbers is exact in double precision, and the sum is rounded to single.
+A runtime may add the terms of a matrix product in any order, and in single precision the result then differs from the
+native policy by several 1e-6. The graph therefore adds them one by one, with a fused multiply-add as the native policy
+does: the product of two single numbers is exact in double precision, and the sum is rounded to single.
 """
 
 import json
