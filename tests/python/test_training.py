@@ -278,7 +278,7 @@ def uvms_train(*arguments: str) -> list[str]:
     small = [f"{key}:{value}" for key, value in TINY.items() if key not in ("n_timesteps", "n_envs")]
     pairs = [part for pair in small for part in ("-params", pair)]
     common = ["--n-envs", "8", "--eval-episodes", "4", "--env-kwargs", "max_episode_steps:12"]
-    return ["train", *common, *pairs, *arguments]
+    return ["train", "--algo", "ppo", *common, *pairs, *arguments]
 
 
 def test_the_command_trains_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,19 +29,22 @@ if TYPE_CHECKING:
 
 #: Packages of the extra `train`, by module.
 NEEDS = {"stable_baselines3": "stable-baselines3", "yaml": "pyyaml", "tensorboard": "tensorboard"}
+#: Algorithms that run alone.
+SINGLE = ("ppo", "distill", "asymmetric-ppo", "shac")
 #: Default number of evaluations and of checkpoints in a run.
 PARTS = 10
 
 
 def train(
     algo: Annotated[
-        Literal["ppo", "distill", "asymmetric-ppo", "shac"],
+        Literal["recommended", "ppo", "distill", "asymmetric-ppo", "shac"],
         Option(
-            help="ppo: PPO of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
+            help="recommended: the recipe for environment and scene, of the algorithms below in turn. "
+            "ppo: PPO of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
             "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start. "
-            "shac: gradients through the simulator, for station keeping and tracking, from scratch or from --start."
+            "shac: gradients through the simulator, for all tasks but docking, from scratch or from --start."
         ),
-    ] = "ppo",
+    ] = "recommended",
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
@@ -87,7 +90,7 @@ def train(
         int | None, Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]")
     ] = None,
     log_folder: Annotated[
-        Path, Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on.")
+        Path, Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ALGO/ENV_1 and so on.")
     ] = Path("out/train"),
     tensorboard_log: Annotated[
         Path | None, Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")
@@ -109,7 +112,7 @@ def train(
         ),
     ] = None,
     num_threads: Annotated[
-        int | None, ranged("Threads of torch and of the environment; -1: all. [default: 1]", -1, 1024)
+        int | None, ranged("Threads of the environment, and of torch in ppo; -1: all. [default: 1]", -1, 1024)
     ] = None,
     device: Annotated[str | None, Option(help="Device of torch. [default: cpu]")] = None,
     show_progress: Annotated[bool, Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")] = True,
@@ -152,6 +155,8 @@ def train(
             ("--device", device, ("ppo",)),
             ("--teacher", teacher, ("distill",)),
             ("--start", start, ("asymmetric-ppo", "shac")),
+            ("--hyperparams", hyperparams, SINGLE),
+            ("--n-envs", n_envs, SINGLE),
         ):
             if value is not None and algo not in owners:
                 raise fail(f"{option} is for --algo {' or '.join(owners)}")
@@ -168,12 +173,22 @@ def train(
         arguments = with_step(arguments, dt, [env], found.get("env_kwargs", {}))
         scene = read_scene(arguments.get("scene", TaskOptions.scene))
         usual = default_step(env) if "step" in scene.get("integration", {}) else None
-        found = give_way(found, arguments, usual) | pairs
+        if algo == "recommended":
+            from uvms_gym.training.recommended import read_recipe, rescaled
+
+            with user_errors():
+                found = read_recipe(env, scene["name"], conf_file, arguments=arguments, step=usual)
+                if n_timesteps is not None:
+                    found, n_timesteps = rescaled(found, n_timesteps), None
+        else:
+            found = give_way(found, arguments, usual) | pairs
         if n_envs is not None:
             found["n_envs"] = n_envs
         settings = Settings(env, found, arguments, seed or 0, base, algo=algo, teacher=teacher)
         folder, agent = log_folder, None
     if n_timesteps is not None:
+        if settings.algo == "recommended":
+            raise fail("-n cannot be given with the folder of a recommended run: its stages have their own steps")
         settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": n_timesteps})
     with user_errors():
         # Evaluations and checkpoints in every tenth of a new run.
@@ -214,8 +229,14 @@ def _run(
 ) -> int:
     if settings.algo == "ppo":
         from uvms_gym.training.ppo import check, train
+    elif settings.algo == "recommended":
+        from uvms_gym.training.recommended import check, summary, train
+
+        line(f"recommended: {summary(settings.hyperparameters)}. {settings.hyperparameters['why']}")
     else:
         from uvms_gym.training.native import check, train
+
+    from uvms_gym.training.export import weights_hash
 
     here = circumstances("train", {})
     origin = {"commit": here["commit"] or f"release {here['uvms_gym']}", "processor": here["machine"]["processor"]}
@@ -230,7 +251,7 @@ def _run(
                 bar.console.print(text, markup=False, soft_wrap=True, highlight=False)
 
         with user_errors(f"{settings.env}: ", "read or write", AssertionError, RuntimeError):
-            if not new and verbose:
+            if not new and verbose and settings.algo != "recommended":
                 line(f"resuming {agent}" if agent else f"{folder} has no checkpoint: starting anew")
             if new:
                 # Errors show before the folder is made.
@@ -252,7 +273,9 @@ def _run(
     more = f", {settings.steps} asked and the last iteration completed" if outcome.steps > settings.steps else ""
     line(f"{outcome.steps} steps{more}, in {outcome.seconds:.0f} s ({rate:.0f} per second)")
     line(f"held-out episodes: {_scores(outcome.evaluation)}")
-    line(f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md")
+    files = [outcome.policy, outcome.checkpoint, outcome.policy.with_name("README.md")]
+    line(f"{folder}: {', '.join(str(file.relative_to(folder)) for file in files)}")
+    line(f"weights: sha256 {weights_hash(outcome.policy)}")
     if not outcome.finished:
         line(f"stopped; to resume: uvms train -i {folder}" + (f" --export {export}" if export is not None else ""))
         return 130
@@ -281,6 +304,8 @@ def _resumed(agent: Path) -> tuple["Settings", Path, Path | None]:
         settings = Settings.load(folder)
     if not agent.is_dir():
         return settings, folder, agent
+    if settings.algo == "recommended":
+        return settings, folder, None
     try:
         return settings, folder, latest_checkpoint(folder)
     except ValueError as error:

@@ -1,6 +1,7 @@
 """Export of models as policies that run without torch, and their model cards."""
 
 import contextlib
+import hashlib
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -119,6 +120,12 @@ def check_actions(actions: NDArray[np.float32], expected: NDArray[np.float32]) -
         )
 
 
+def weights_hash(policy: Path) -> str:
+    """SHA-256 of the weights in a policy's file, without its notes: hexadecimal."""
+    data = policy.read_bytes()
+    return hashlib.sha256(data[8 + int.from_bytes(data[:8], "little") :]).hexdigest()
+
+
 def versions() -> dict[str, str]:
     """Versions of the training libraries."""
     return {name: version(name) for name in ("stable-baselines3", "torch", "numpy", "gymnasium")}
@@ -170,7 +177,9 @@ def card(folder: Path) -> str:
 
 def _row(file: str, notes: Mapping[str, str], found: Mapping[str, Any]) -> str:
     learned = "from scratch"
-    if "base" in notes:
+    if "recipe" in notes:
+        learned = notes["recipe"]
+    elif "base" in notes:
         learned = f"corrections to {notes['base']}, up to {notes['limit']}"
     elif "teacher" in notes:
         learned = f"from {notes['teacher']} with perfect sensors"

@@ -2,8 +2,10 @@
 
 import io
 import pickle
+import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +33,11 @@ LEARNERS: dict[str, type[Learner]] = {"distill": Distillation, "asymmetric-ppo":
 
 
 def make_learner(settings: Settings) -> Learner:
-    """Make an untrained learner; errors as of its class."""
-    if settings.num_threads > 0:
-        torch.set_num_threads(settings.num_threads)
+    """Make an untrained learner; errors as of its class.
+
+    Torch has one thread: its sums would depend on their number, and the learner's own threads use the other cores.
+    """
+    torch.set_num_threads(1)
     return LEARNERS[settings.algo](settings)  # type: ignore[call-arg]
 
 
@@ -86,10 +90,12 @@ def train(
     origin: Mapping[str, str] | None = None,
     tick: Callable[[int], object] = lambda steps: None,
     report: Callable[[dict[str, Any]], object] = lambda evaluation: None,
+    interrupted: threading.Event | None = None,
 ) -> Outcome:
     """Train, evaluate, write checkpoints and export the policy, all in `folder`.
 
-    Parameters, errors and stops as in `uvms_gym.training.ppo.train`; `verbose` has no effect.
+    Parameters, errors and stops as in `uvms_gym.training.ppo.train`; `verbose` has no effect. `interrupted` stops the
+    run in place of signals.
     """
     learner = make_learner(settings)
     before = 0.0 if agent is None else load(learner, agent)
@@ -114,10 +120,10 @@ def train(
         if best:
             save(learner, record.seconds, folder / BEST)
 
-    with interrupt_event() as interrupted:
+    with interrupt_event() if interrupted is None else nullcontext(interrupted) as asked:
         if not record.curve and settings.eval_freq > 0:
             evaluate()
-        while learner.left > 0.0 and not interrupted.is_set():
+        while learner.left > 0.0 and not asked.is_set():
             previous = learner.steps
             learner.iterate()
             steps = learner.steps

@@ -26,6 +26,7 @@ from uvms_gym.training.hyperparameters import count
 
 #: Algorithms, and their titles in model cards.
 ALGORITHMS = {
+    "recommended": "Recipe",
     "ppo": "PPO",
     "distill": "Distillation",
     "asymmetric-ppo": "PPO with an asymmetric critic",
@@ -44,7 +45,7 @@ class Settings:
     env: str
     """Gymnasium's id of a UVMS environment."""
     hyperparameters: dict[str, Any]
-    """Hyperparameters in rl_zoo3's format: `n_timesteps`, `n_envs` and the algorithm's."""
+    """Hyperparameters in rl_zoo3's format: `n_timesteps`, `n_envs` and the algorithm's; of `recommended` a recipe."""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment."""
     seed: int = 0
@@ -60,7 +61,7 @@ class Settings:
     save_freq: int = 0
     """Steps between checkpoints; not positive: only at the end."""
     num_threads: int = 1
-    """Threads of torch and of the environment; -1: their defaults."""
+    """Threads of the environment, and of torch in `ppo`; -1: their defaults."""
     device: str = "cpu"
     """Device of torch; algorithm `ppo` only."""
     algo: str = "ppo"
@@ -73,6 +74,8 @@ class Settings:
     @property
     def steps(self) -> int:
         """Steps of all instances together."""
+        if self.algo == "recommended":
+            return sum(count(stage, "n_timesteps") for stage in self.hyperparameters["stages"].values())
         return count(self.hyperparameters, "n_timesteps")
 
     @property
