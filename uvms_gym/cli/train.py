@@ -325,7 +325,8 @@ def _new_folder(logs: Path, settings: "Settings") -> Path:
 
 
 def _scores(found: dict[str, Any]) -> str:
+    success = f"success {100 * found['success']:.1f} %  " if "success" in found else ""
     return (
-        f"pose {found['pose']:.4f} m (95 %: {found['pose_95']:.4f} m)  effort {found['effort']:.4f}  "
+        f"{success}pose {found['pose']:.4f} m (95 %: {found['pose_95']:.4f} m)  effort {found['effort']:.4f}  "
         f"variation {found['variation']:.4f}"
     )

@@ -12,6 +12,8 @@ from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
+#: Tasks that an episode completes or not.
+ENDING = ("dock", "button", "valve")
 #: First seed of evaluation episodes; seeds of training are larger.
 SEED = 2_000_000
 
@@ -48,13 +50,15 @@ def evaluate(
     dict
         Root mean squares over an episode's steps, as interquartile means over episodes: `position` (m), `attitude`
         (rad), `end_effector` (m), and `pose` (m), sqrt(position^2 + (0.5 m * attitude)^2) of the vehicle, or of the end
-        effector in tracking; `pose_95`, its 95th percentile; means of `effort` and `variation` of commands; share of
-        `diverged` episodes.
+        effector in tracking; `pose_95`, its 95th percentile; means of `effort` and `variation` of commands; shares of
+        `diverged` episodes and, in docking, button and valve, of those with `success`.
     """
     envs = gymnasium.make_vec(env, num_envs=episodes, **env_kwargs)
     stats = run_episodes(envs, controller, seed, episode_steps(env, env_kwargs))
-    pose = pose_rms(stats, envs.unwrapped.task)  # type: ignore[attr-defined]
+    task: str = envs.unwrapped.task  # type: ignore[attr-defined]
+    pose = pose_rms(stats, task)
     envs.close()
+    success = {"success": float(stats.last["success"].mean())} if task in ENDING else {}
     return {
         "pose": interquartile_mean(pose),
         "pose_95": float(np.quantile(pose, 0.95)),
@@ -64,4 +68,5 @@ def evaluate(
         "effort": float(stats.mean("power").mean()),
         "variation": float(stats.mean("action_rate").mean()),
         "diverged": float(stats.terminated.mean()),
+        **success,
     }
