@@ -65,7 +65,7 @@ def test_scenes_with_an_entry_exist() -> None:
 def test_steps_are_shared_among_stages() -> None:
     recipe = rescaled(read_recipe(ENV), 4000)
     assert sum(stage["n_timesteps"] for stage in recipe["stages"].values()) == 4000
-    assert summary(recipe) == "distill mpc for 800 steps, then shac for 3.2e+03 steps"
+    assert summary(recipe) == "distill mpc for 1e+03 steps, then shac for 3e+03 steps"
 
 
 @pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy"])

@@ -81,7 +81,11 @@ def train(
         ),
     ] = None,
     eval_freq: Annotated[
-        int | None, Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
+        int | None,
+        Option(
+            help="Steps between evaluations; negative: only at the end, of a recipe at that of each stage. "
+            "[default: a tenth of all; of a recipe -1]"
+        ),
     ] = None,
     eval_episodes: Annotated[
         int | None, ranged("Held-out episodes of an evaluation. [default: 512]", 2, 100_000)
@@ -193,10 +197,11 @@ def train(
     with user_errors():
         # Evaluations and checkpoints in every tenth of a new run.
         tenth = max(1, math.ceil(settings.steps / PARTS))
+    often = -1 if settings.algo == "recommended" else tenth
     given: dict[str, Any] = {
         "start": start and str(start.resolve()),
         "limit": residual,
-        "eval_freq": tenth if eval_freq is None and settings.eval_freq == 0 else eval_freq,
+        "eval_freq": often if eval_freq is None and settings.eval_freq == 0 else eval_freq,
         "save_freq": tenth if save_freq is None and settings.save_freq == 0 else save_freq,
         "eval_episodes": eval_episodes,
         "num_threads": num_threads,
