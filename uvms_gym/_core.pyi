@@ -593,6 +593,7 @@ class Task:
     privileged_layout: Final[list[dict[str, Any]]]
     control_period: Final[float]
     delays: Final[tuple[int, int]]
+    late: Final[bool]
     observation_bound: Final[NDArray[np.float32]]
     def __new__(
         cls,

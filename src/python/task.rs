@@ -132,6 +132,12 @@ impl Task {
         (minimum, maximum)
     }
 
+    /// True where measurements may be older than the present: late, or held in a gap. Their age is the last row of a memory.
+    #[getter]
+    fn late(&self) -> bool {
+        self.batch.task().episode_rows().disturbance.is_some_and(|rows| rows.age.is_some())
+    }
+
     /// The complete scene, as `load_scene` gives it.
     #[getter]
     fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -172,6 +172,9 @@ impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
         metrics.thruster_gain = L::c(1.0);
         if let Some(disturbance) = rows.disturbance {
             [metrics.disturbance_force, metrics.payload, metrics.thruster_gain] = memory.get_all(disturbance.summary);
+            if let Some(row) = disturbance.age {
+                metrics.measurement_age = memory.get::<L>(row) * L::splat(kernel.period);
+            }
         }
         metrics
     }

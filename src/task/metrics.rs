@@ -97,6 +97,8 @@ metrics! {
         payload,
         /// Remaining thrust gain of the weakest thruster, in [0, 1].
         thruster_gain,
+        /// Age of the observed measurement, s.
+        measurement_age,
     }
 }
 

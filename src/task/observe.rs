@@ -82,13 +82,15 @@ impl<L: Lane, K: TaskDefinition> ControlInstant<'_, L, K> {
     /// Records a measurement of the sensors, if they have noise or delay.
     #[inline(always)]
     pub(super) fn measure(&mut self, in_bounds: L::Mask) {
-        if let Some(sensors) = self.kernel.sensors() {
+        if let Some(disturbance) = self.kernel.disturbance()
+            && let Some(sensors) = disturbance.sensors()
+        {
             let mut truth = self.true_values();
             // An invalid state never reads like one on target, and the memory stays finite.
             for k in 0..sensors.measured {
                 truth[k] = L::select(in_bounds, truth[k], L::c(INVALID));
             }
-            sensors.measure(&mut self.memory, &truth);
+            disturbance.measure(&mut self.memory, &truth);
         }
     }
 

@@ -18,7 +18,8 @@ ENV = "UVMS-StationKeep-v0"
 ARM = "bluerov2-heavy-alpha5"
 SMALL = "bluerov2-heavy"
 LEVELS = list(uvms_gym.disturbance_levels())
-ALL = {"base": "storm-hard", "script": {"current": np.full((30, 3), 0.1), "wrench": np.ones((25, 6))}}
+FAULTS = {"dropout": {"probability": 0.3, "gap": 0.3}, "outliers": {"probability": 0.1}}
+ALL = {"base": "storm-hard", **FAULTS, "script": {"current": np.full((30, 3), 0.1), "wrench": np.ones((25, 6))}}
 
 
 def same(a, b):
@@ -134,6 +135,55 @@ def test_delay_shifts_what_is_measured_and_nothing_else():
                 assert same(late[k][where], now[max(0, k - 3)][where]), (name, k)
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.1, [0.0, 0.2]], ids=["now", "late", "drawn"])
+def test_the_last_measurement_is_held_in_a_gap_and_its_age_is_known(delay):
+    n, period = 64, 0.05
+    held, plain = (
+        StationKeepVectorEnv(n, scene=ARM, disturbance=d)
+        for d in ({"dropout": {"probability": 0.4, "gap": 0.15}, "delay": delay}, "calm")
+    )
+    seen, truth, ages = [held.reset(seed=1)[0]], [plain.reset(seed=1)[0]], []
+    draw = np.random.default_rng(1)
+    names = ("position_error", "linear_velocity", "joint_rate")
+    entries = np.concatenate([np.arange(42)[block.slice] for block in plain.layout if block.name in names])
+    for k in range(1, 80):
+        actions = draw.uniform(-1, 1, (n, 6))
+        observations, *_, infos = held.step(actions)
+        seen.append(observations)
+        truth.append(plain.step(actions)[0])
+        ages.append(np.round(infos["measurement_age"] / period).astype(int))
+        for i in np.flatnonzero(ages[-1] <= k):
+            assert same(seen[k][i, entries], truth[k - ages[-1][i]][i, entries]), (k, i)
+    # A measurement never grows younger than the delay, and ages by a period in a gap.
+    steps = np.diff(ages, axis=0)
+    assert (steps <= 1).all() and (steps == 1).any() and (steps < 0).any()
+    assert np.min(ages[20:]) == np.round(np.min(delay) / period)
+
+
+def test_faults_without_probability_change_no_bit():
+    none = {"dropout": {"probability": 0}, "outliers": {"probability": 0}}
+    envs = [StationKeepVectorEnv(5, scene=ARM, disturbance=d) for d in ("storm", {"base": "storm", **none})]
+    plain, with_none = ([env.reset(seed=4)[0], play(env)] for env in envs)
+    assert all(map(same, plain, with_none))
+
+
+def test_the_info_says_when_a_thruster_dies():
+    losses = ({"gain": 0.0, "time": [0.5, 2.0]}, None)
+    envs, storm = (
+        StationKeepVectorEnv(8, scene=ARM, disturbance={"base": "storm", "thrusters": loss}) for loss in losses
+    )
+    assert same(envs.reset(seed=2)[0], storm.reset(seed=2)[0])
+    gains = np.array([envs.disturbance(i, 60)["gains"] for i in range(8)])
+    for k in range(60):
+        actions = np.full((8, 6), 0.1)
+        (observations, *_, infos), (others, *_) = envs.step(actions), storm.step(actions)
+        dead = infos["thruster_gain"] == 0.0
+        assert (dead == (gains[:, k].min(axis=1) == 0.0)).all()
+        # All else is the same until then.
+        assert same(observations[~dead], others[~dead])
+    assert (gains[:, -1] == 0.0).sum(axis=1).tolist() == [1] * 8
+
+
 def test_a_drawn_delay_is_one_age_per_episode():
     """Ages of 0 to 3 periods, each as often: 0.5 of a period at either end rounds to the ends."""
     n, period = 600, 0.05
@@ -174,8 +224,8 @@ def test_gains_weaken_thrusters():
     env.reset(seed=1)
     weak.reset(seed=1)
     a, b = play(env, 40), play(weak, 40)
-    # The last column is the gain.
-    np.testing.assert_allclose(a[:, :-1], b[:, :-1], rtol=1e-5, atol=1e-6)
+    # The column before the last is the gain.
+    np.testing.assert_allclose(*(np.delete(x, -2, axis=1) for x in (a, b)), rtol=1e-5, atol=1e-6)
 
 
 def test_parameters_are_drawn_per_episode():

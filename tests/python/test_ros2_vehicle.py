@@ -200,7 +200,7 @@ def test_bad_commands_are_refused_and_change_nothing(command: Any, message: str)
 
 
 def test_noise_is_for_station_keeping() -> None:
-    with pytest.raises(ValueError, match="noise and delay are for station keeping, not for ee-track"):
+    with pytest.raises(ValueError, match="noise, delay and gaps are for station keeping, not for ee-track"):
         vehicle("UVMS-EETrack-v0", disturbance="storm")
 
 

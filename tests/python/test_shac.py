@@ -105,6 +105,18 @@ def test_gradients_match_differences_between_episodes(
         np.testing.assert_allclose(gradient[t], wanted, atol=0.01 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("env", [ENV, TRACKING])
+def test_gradients_follow_measurements_through_gaps(env: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
+    monkeypatch.setattr("uvms_gym.training.return_gradient.OUTLYING", np.inf)
+    faults = {"dropout": {"probability": 0.4}, "outliers": {"probability": 0.2, "attitude": 0.0}}
+    case = Case(env, disturbance={**faults, "delay": DRAWN})
+    gradient = case.gradient()
+    for t in (0, 7, STEPS - 2):
+        wanted = case.differences(t)
+        np.testing.assert_allclose(gradient[t], wanted, atol=0.01 * np.abs(wanted).max())
+
+
 STORM: dict[str, Any] = {"base": "storm", "noise": None}
 
 

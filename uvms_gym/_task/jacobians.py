@@ -52,7 +52,7 @@ def period_jacobians(
     rows, given, corrected, units = spread(f + c, before, actions, base)
     act = task.act_vjp(rows, given, units, corrected).reshape(n, f + c, 2 * a + c)
     ends, rows, starts, units = spread(d + 1 + w + c, states[:, : s + 6], memories, before)
-    fresh = (rows[:, -1] < 0.5).tolist() if task.delays[1] > 0 else [True] * len(units)
+    fresh = (rows[:, -1] < 0.5).tolist() if task.late else [True] * len(units)
     evaluate = task.evaluate_vjp(ends, rows, starts, fresh, units).reshape(n, d + 1 + w + c, -1)
 
     def by_inputs(part: Floats) -> dict[str, Floats]:

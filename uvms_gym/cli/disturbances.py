@@ -64,8 +64,9 @@ def disturbances(
             _plot_shapes(out / "shapes.png", shapes)
     if name is None:
         say(
-            "Levels with -hard are for evaluation: stronger, with shapes that the others lack. Noise, delay, the "
-            "arm's motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` documents all."
+            "Levels with -hard are for evaluation: stronger, with shapes that the others lack. Noise, outliers, "
+            "dropout, delay, the arm's motion and parameters have no shape over time; "
+            "`pydoc uvms_gym.envs.station_keep` documents all."
         )
     name_files(out, files)
 

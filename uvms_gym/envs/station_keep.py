@@ -101,10 +101,12 @@ class StationKeepEnv(TaskEnv):
     | `impulse` | pushes | `share` or `force` (N), `duration`, `pause` (s), `reach` |
     | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
     | `payload` | mass that is carried for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
-    | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
+    | `thrusters` | thrusters that weaken or die | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `battery` | supply voltage that falls and sags, relative to the scene's | `charge`, `drain` (1/h), `sag` |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise, bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share of these) |
+    | `outliers` | outliers of the measured pose | `probability`, `position` (m), `attitude` (rad) |
+    | `dropout` | lost measurements: the last one is held | `probability`, `gap` (s) |
     | `delay` | age of measurements, per episode | sum of `time` (s, rounded to periods) and `periods` |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
@@ -120,10 +122,14 @@ class StationKeepEnv(TaskEnv):
     The voltage of a battery is `charge` without load at the start, loses `drain` per hour, and is lower by `sag` while
     all thrusters are at full thrust; thrusts change by its power 1.25.
 
+    A measurement is lost with this `probability` per control period; `gap` is the mean duration of a gap, and without
+    it losses are independent. A pose is an outlier with this `probability`, by the errors `position` and `attitude` in
+    random directions.
+
     `delay` may also be a number, its `time`. A payload hangs on the end effector, or on the vehicle's origin if there
-    is no arm. Noise and delay apply to the errors, velocities and joints in observations, and to the integral of the
-    errors. Rewards and infos use the true state. `env.unwrapped.disturbance()` returns the disturbance over the control
-    periods to come.
+    is no arm. Noise, delay and gaps apply to the errors, velocities and joints in observations, and to the integral of
+    the errors. Rewards and infos use the true state. `env.unwrapped.disturbance()` returns the disturbance over the
+    control periods to come.
 
     ## Starting State
     The vehicle is at rest up to 0.05 m and 0.05 rad from the target (by default the world origin, level), joints and
@@ -146,7 +152,8 @@ class StationKeepEnv(TaskEnv):
     - root mean squares `rms_...` and means `mean_...` over the episode's steps so far;
     - `current_x`, `current_y`, `current_z` (m/s, world);
     - over the last period: `disturbance_force` (N, of pushes, tether and script), `payload` (carried mass, kg) and
-      `thruster_gain` (remaining share of the weakest thruster's thrust);
+      `thruster_gain` (remaining share of the weakest thruster's thrust, from the period on in which it is lost);
+    - `measurement_age`, the age of the observed measurement with delay and gaps (s);
     - the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`;
     - `success`, 1 where both errors are within `tolerance`, else 0, and its mean `mean_success`; `recovery_time`, the
       duration of the present or last departure from `tolerance`, s (the approach at the start counts as one); and

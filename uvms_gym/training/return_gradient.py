@@ -108,8 +108,8 @@ class ReturnGradient:
         states, memories, raw = windows.states.numpy(), windows.memories.numpy(), windows.actions.numpy().astype(float)
         on, (steps, rows, _) = windows.alive.numpy()[..., None], raw.shape
         # The last row of a memory is the age of measurements, where they are late.
-        ages = memories[0, :, -1].astype(int) if native.delays[1] > 0 else np.zeros(rows, int)
-        every, history, fresh = np.arange(rows), windows.inputs.shape[-1] // d, (ages == 0).tolist()
+        ages = memories[..., -1].astype(int) if native.late else np.zeros(memories.shape[:2], int)
+        every, history = np.arange(rows), windows.inputs.shape[-1] // d
         clipped, observed = np.clip(raw, -WITHIN, WITHIN), windows.inputs[..., -d:].numpy()
         base: Any = [None] * steps
         if self.residual:
@@ -132,13 +132,14 @@ class ReturnGradient:
         for t in reversed(range(steps)):
             # The critic sees the last observation.
             given[t + history, :, d + 1 + w :] = on_memory
-            last = t + 1 == steps
+            last, age = t + 1 == steps, ages[t + 1]
+            fresh = (age == 0).tolist()
             found = native.evaluate_vjp(
                 states[t + 1, :, : s + 6], memories[t + 1], memories[t], fresh, given[t + history], perfect=last
             )
             on_state[:, :s] += found[:, :s]
-            known = (ages > 0) & (ages <= t + 1)
-            on_measurement[t + 1 - ages[known], every[known]] += found[known, s : s + w]
+            known = (age > 0) & (age <= t + 1)
+            on_measurement[t + 1 - age[known], every[known]] += found[known, s : s + w]
             # An ended episode may have left a state that is none.
             state = np.where(on[t], states[t], states[0])
             inputs = self._set_state(state, states[t + 1, :, s + 6 : s + 12], forces[t], targets[t])

@@ -2,6 +2,7 @@
 
 use super::column::Column;
 use super::context::DisturbanceContext;
+use super::sensors::MEASURED;
 use crate::control::THRUSTERS;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, ln, sin_cos};
@@ -116,6 +117,8 @@ pub trait Component: Ranges {
     const RESERVED: bool = true;
     /// Option that sets [`Self::size`].
     const SIZE: &'static str = "";
+    /// It changes measurements.
+    const MEASURES: bool = false;
     /// Number of rows, where it is the same for all sizes and scenes.
     const ROWS: usize = 0;
 
@@ -146,6 +149,10 @@ pub trait Component: Ranges {
     /// Adds to the forcing over the coming control period.
     #[inline(always)]
     fn add<L: Lane>(_memory: &Rows<'_, L::Real>, _at: Place, _moment: &Moment<'_, L>, _forcing: &mut Forcing<L>) {}
+
+    /// Changes a measurement, whose last number is its age in control periods; `last` is the one before.
+    #[inline(always)]
+    fn measure<L: Lane>(_memory: &Rows<'_, L::Real>, _at: Place, _last: &[L; MEASURED], _seen: &mut [L; MEASURED]) {}
 
     /// Advances its state to the end of a control period.
     #[inline(always)]

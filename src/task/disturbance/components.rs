@@ -8,11 +8,13 @@ use super::column::Column;
 use super::component::{Component, Draws, Forcing, Moment, Place, Ranges};
 use super::context::DisturbanceContext;
 use super::current::{Drift, Gust, SteadyCurrent};
+use super::dropout::Dropout;
 use super::impulse::Impulse;
+use super::outliers::Outliers;
 use super::parameters::Parameters;
 use super::payload::Payload;
 use super::script::Script;
-use super::sensors::{Delay, Noise};
+use super::sensors::{Delay, MEASURED, Noise};
 use super::tether::Tether;
 use super::thrusters::ThrusterLoss;
 use super::waves::Waves;
@@ -128,6 +130,25 @@ macro_rules! components {
                 })+
             }
 
+            /// True where a component changes measurements.
+            #[inline(always)]
+            pub fn measures(&self) -> bool {
+                false $(|| (<$kind>::MEASURES && self.$name.is_some()))+
+            }
+
+            /// Changes a measurement: see [`Component::measure`].
+            #[inline(always)]
+            pub fn measure<L: Lane>(
+                &self,
+                memory: &Rows<'_, L::Real>,
+                last: &[L; MEASURED],
+                seen: &mut [L; MEASURED],
+            ) {
+                $(if <$kind>::MEASURES && let Some(at) = self.$name {
+                    <$kind>::measure(memory, at, last, seen);
+                })+
+            }
+
             /// Ends a control period: see [`Component::end_period`].
             #[inline(always)]
             pub fn end_period<L: Lane>(&self, memory: &mut Rows<'_, L::Real>) {
@@ -178,6 +199,10 @@ components! {
     arm: ArmMotion,
     /// Noise of sensors.
     noise: Noise,
+    /// Outliers of the measured pose.
+    outliers: Outliers,
+    /// Loss of measurements.
+    dropout: Dropout,
     /// Delay of sensors.
     delay: Delay,
     /// Factors on the scene's parameters.

@@ -7,7 +7,7 @@ use super::component::{Component, Forcing, Moment, QUAD};
 use super::components::{Disturbance, Places};
 use super::context::DisturbanceContext;
 use super::payload::{Payload, PayloadEvent};
-use super::sensors::{Delay, MEASURED_OF_VEHICLE, Noise, SensorRows};
+use super::sensors::{Delay, MEASURED, MEASURED_OF_VEHICLE, Noise, SensorRows};
 use super::waves::{WaveOrbit, Waves};
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -25,7 +25,7 @@ pub struct DisturbanceRows {
     pub summary: usize,
     /// Rows of each component.
     pub places: Places,
-    /// Age of measurements, control periods, where they are late.
+    /// Age of the reading, control periods, where measurements are late or held.
     pub age: Option<usize>,
     /// Row past the recorded ones, of which the last is the age.
     pub recorded: usize,
@@ -45,26 +45,26 @@ impl DisturbanceRows {
         };
         let measured = MEASURED_OF_VEHICLE + 2 * context.joints + if context.tilt { 3 } else { 0 };
         let [minimum, periods] = disturbance.delay_range(context.period);
+        let (drawn, holds) = (minimum < periods, disturbance.dropout.is_some());
         let mut rows = Self {
             clock: take(1),
             steady: take(3),
             summary: take(3),
             places: Places::new(disturbance, context, &mut take),
-            age: (periods > 0).then(|| take(1)),
+            age: (periods > 0 || holds).then(|| take(1)),
             recorded: take(0),
-            sensors: (disturbance.noise.is_some() || periods > 0).then(|| SensorRows {
-                measured,
-                noise: disturbance.noise.as_ref().map(|_| [take(2 * measured), take(SensorRows::draws(measured))]),
-                ring: take((1 + periods) * measured),
-                slots: 1 + periods,
-                age: None,
-            }),
+            sensors: None,
             end: 0,
         };
+        rows.sensors = (disturbance.noise.is_some() || periods > 0 || rows.places.measures()).then(|| SensorRows {
+            measured,
+            noise: disturbance.noise.as_ref().map(|_| [take(2 * measured), take(SensorRows::draws(measured))]),
+            ring: take((1 + periods) * (measured + usize::from(holds))),
+            slots: 1 + periods,
+            age: if drawn && holds { Some(take(1)) } else { rows.age.filter(|_| drawn) },
+            held: rows.age.filter(|_| holds),
+        });
         rows.end = end;
-        if let (Some(sensors), true) = (&mut rows.sensors, minimum < periods) {
-            sensors.age = rows.age;
-        }
         (rows.places.any() || rows.sensors.is_some()).then_some(rows)
     }
 }
@@ -101,6 +101,14 @@ impl<T: Real> DisturbanceKernel<T> {
         self.rows.sensors.as_ref()
     }
 
+    /// Stores a measurement of true values, where there are rows for it: see [`super::Component::measure`].
+    #[inline(always)]
+    pub fn measure<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
+        if let Some(sensors) = &self.rows.sensors {
+            sensors.measure(memory, &self.rows.places, truth);
+        }
+    }
+
     /// Rows of the components.
     #[inline(always)]
     pub fn places(&self) -> &Places {
@@ -118,7 +126,9 @@ impl<T: Real> DisturbanceKernel<T> {
             sensors.begin(disturbance.noise.as_ref(), memory, &draw, context.joints);
             if let (Some(row), Some(delay)) = (rows.age, &disturbance.delay) {
                 let share = Stream::new(key, Purpose::of(Delay::STREAM)).uniform(0);
-                memory.set(row, delay.in_periods(context.period, share) as f64);
+                let age = delay.in_periods(context.period, share) as f64;
+                memory.set(row, age);
+                sensors.age.iter().for_each(|row| memory.set(*row, age));
             }
             self.sample_sensors(memory, key, 0);
         }

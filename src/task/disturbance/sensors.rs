@@ -2,6 +2,7 @@
 
 use super::column::Column;
 use super::component::{Component, QUAD, component, normal_pair};
+use super::components::Places;
 use super::context::DisturbanceContext;
 use super::span::{Span, refuse};
 use crate::control::MAX_SENSOR_DELAY;
@@ -12,8 +13,9 @@ use crate::task::random::Stream;
 
 /// Measured numbers of a vehicle without joints: errors of position and attitude, twist.
 pub const MEASURED_OF_VEHICLE: usize = 12;
-/// Maximum count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity.
-pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
+/// Maximum count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity; the last
+/// one is the age of a held measurement, control periods.
+pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 4;
 
 component! {
     /// White noise of the measurements, with these standard deviations at every control instant.
@@ -96,12 +98,14 @@ pub struct SensorRows {
     pub measured: usize,
     /// With noise: first row of the standard deviations, then biases; first row of the uniform draws for the noise.
     pub noise: Option<[usize; 2]>,
-    /// Measurements now, a period ago, and so on, `measured` each.
+    /// Measurements now, a period ago, and so on.
     pub ring: usize,
     /// Number of stored measurements.
     pub slots: usize,
-    /// Row of the age, control periods, where it is drawn; else all measurements are as old as the oldest.
+    /// Row of the delay, control periods, where it is drawn; else all measurements are as old as the oldest.
     pub age: Option<usize>,
+    /// Row of the reading's age, control periods, where measurements may be held; their ages follow them in the ring.
+    pub held: Option<usize>,
 }
 
 impl SensorRows {
@@ -129,13 +133,25 @@ impl SensorRows {
 
     /// Stores a measurement of true values: errors of position and attitude, twist, joint coordinates, joint rates.
     #[inline(always)]
-    pub fn measure<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, truth: &[L; MEASURED]) {
-        L::call(&mut Measurement { sensors: self, memory, truth });
+    pub(super) fn measure<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, places: &Places, truth: &[L; MEASURED]) {
+        L::call(&mut Measurement { sensors: self, memory, places, truth });
+    }
+
+    /// Numbers of a stored measurement.
+    #[inline(always)]
+    fn width(&self) -> usize {
+        if self.held.is_some() { self.measured + 1 } else { self.measured }
+    }
+
+    /// Place of a stored number in a measurement.
+    #[inline(always)]
+    fn place(&self, k: usize) -> usize {
+        if k < self.measured { k } else { MEASURED - 1 }
     }
 
     #[inline(always)]
-    fn store<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, truth: &[L; MEASURED]) {
-        let width = self.measured;
+    fn store<L: Lane>(&self, memory: &mut Rows<'_, L::Real>, places: &Places, truth: &[L; MEASURED]) {
+        let (width, measured) = (self.width(), self.measured);
         for slot in (1..self.slots).rev() {
             for k in 0..width {
                 let row = self.ring + slot * width + k;
@@ -146,27 +162,42 @@ impl SensorRows {
         let mut seen = *truth;
         if let Some([row, draws]) = self.noise {
             let mut k = 0;
-            while k < width {
+            while k < measured {
                 let pair: [L; 2] = normal_pair(memory.get_all(draws + k));
                 for j in 0..2 {
-                    if k + j < width {
+                    if k + j < measured {
                         let deviation: L = memory.get(row + k + j);
-                        let bias: L = memory.get(row + width + k + j);
+                        let bias: L = memory.get(row + measured + k + j);
                         seen[k + j] = pair[j].mul_add(deviation, seen[k + j] + bias);
                     }
                 }
                 k += 2;
             }
         }
+        if places.measures() {
+            let mut last = [L::zero(); MEASURED];
+            for k in 0..width {
+                last[self.place(k)] = memory.get(self.ring + k);
+            }
+            places.measure(memory, &last, &mut seen);
+        }
         for k in 0..width {
-            memory.set(self.ring + k, seen[k]);
+            memory.set(self.ring + k, seen[self.place(k)]);
+        }
+        if let Some(row) = self.held {
+            let delay: L = match self.age {
+                Some(row) => memory.get(row),
+                None => L::c((self.slots - 1) as f64),
+            };
+            memory.set(row, self.reading::<L>(memory)[MEASURED - 1] + delay);
         }
     }
 
     /// Fills the older measurements with the first one.
     pub fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
-        for row in self.ring + self.measured..self.ring + self.slots * self.measured {
-            let first = memory.get(row - self.measured);
+        let width = self.width();
+        for row in self.ring + width..self.ring + self.slots * width {
+            let first = memory.get(row - width);
             memory.set(row, first);
         }
     }
@@ -174,17 +205,17 @@ impl SensorRows {
     /// Reading now: entries in the order of [`Self::measure`], zeros past the last.
     #[inline(always)]
     pub fn reading<L: Lane>(&self, memory: &Rows<'_, L::Real>) -> [L; MEASURED] {
-        let mut seen = [L::zero(); MEASURED];
-        for k in 0..self.measured {
-            seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);
+        let (mut seen, width) = ([L::zero(); MEASURED], self.width());
+        for k in 0..width {
+            seen[self.place(k)] = memory.get(self.ring + (self.slots - 1) * width + k);
         }
         if let Some(row) = self.age {
             let age: L = memory.get(row);
             for slot in (0..self.slots - 1).rev() {
                 let younger = age.lt(L::c(slot as f64 + 0.5));
-                for k in 0..self.measured {
-                    let entry: L = memory.get(self.ring + slot * self.measured + k);
-                    seen[k] = L::select(younger, entry, seen[k]);
+                for k in 0..width {
+                    let entry: L = memory.get(self.ring + slot * width + k);
+                    seen[self.place(k)] = L::select(younger, entry, seen[self.place(k)]);
                 }
             }
         }
@@ -196,6 +227,7 @@ impl SensorRows {
 struct Measurement<'a, 'b, L: Lane> {
     sensors: &'a SensorRows,
     memory: &'a mut Rows<'b, L::Real>,
+    places: &'a Places,
     truth: &'a [L; MEASURED],
 }
 
@@ -204,6 +236,6 @@ impl<L: Lane> Routine<L> for Measurement<'_, '_, L> {
 
     #[inline(always)]
     fn run(&mut self) {
-        self.sensors.store(self.memory, self.truth);
+        self.sensors.store(self.memory, self.places, self.truth);
     }
 }

@@ -88,10 +88,9 @@ impl Run {
 
     /// What is seen after the truth was measured.
     fn see(&mut self, truth: &[f64; MEASURED]) -> [f64; MEASURED] {
-        let sensors = *self.kernel.sensors().unwrap();
         let mut rows = Rows::of_one(&mut self.numbers);
-        sensors.measure(&mut rows, truth);
-        sensors.reading(&rows)
+        self.kernel.measure(&mut rows, truth);
+        self.kernel.sensors().unwrap().reading(&rows)
     }
 }
 
@@ -362,6 +361,62 @@ fn noise_has_its_deviation_and_a_bias_stays() {
     };
     let square = (0..1000).map(|seed| bias(seed) * bias(seed)).sum::<f64>() / 1000.0;
     assert!((square - 1.0).abs() < 0.25, "{square}");
+}
+
+#[test]
+fn val_losses_have_their_share_and_gaps_their_mean() {
+    for (losses, share, gap) in [
+        (json!({ "probability": 0.3 }), 0.3, 1.0 / 0.7),
+        (json!({ "probability": 0.3, "gap": 0.5 }), 0.3, 10.0),
+        (json!({ "probability": 0.6, "gap": 0.075 }), 0.6, 1.5),
+    ] {
+        let mut run = Run::new(&read(json!({ "dropout": losses, "delay": { "periods": 2 } })), 1);
+        let age = run.kernel.rows().age.unwrap();
+        // Times of the last arrival, from two periods before the start on.
+        let (steps, mut lost, mut gaps, mut arrived) = (40_000_usize, 0, 0, vec![0.0; 3]);
+        for step in 0..steps {
+            let seen = run.see(&[step as f64; MEASURED]);
+            assert_eq!(seen[..12], [arrived[step]; 12], "{step}");
+            assert!(step < 2 || step as f64 - seen[0] == run.numbers[age], "{step}");
+            run.advance();
+            run.end_period();
+            let (loses, last) = (run.numbers[run.kernel.places().dropout.unwrap().row + 2] > 0.5, arrived[step + 2]);
+            lost += u32::from(loses);
+            gaps += u32::from(loses && last == step as f64);
+            arrived.push(if loses { last } else { (step + 1) as f64 });
+        }
+        // Deviations of a Markov chain's share and mean: five of each.
+        let found = f64::from(lost) / steps as f64;
+        assert!((found - share).abs() < 5.0 * (share * (1.0 - share) * 2.0 * gap / steps as f64).sqrt(), "{found}");
+        let mean = f64::from(lost) / f64::from(gaps);
+        assert!((mean / gap - 1.0).abs() < 5.0 / f64::from(gaps).sqrt(), "{mean} {gap}");
+    }
+    let wrong = refusal(json!({ "dropout": { "probability": 0.8, "gap": 0.1 } }));
+    assert!(wrong.contains("dropout.gap: 0.1 s, but at least 0.200 s"), "{wrong}");
+}
+
+#[test]
+fn val_outliers_have_their_share_and_sizes() {
+    let (share, steps) = (0.2, 20_000);
+    let outliers = json!({ "probability": share, "position": [0.2, 0.4], "attitude": 0.1 });
+    let mut run = Run::new(&read(json!({ "outliers": outliers })), 1);
+    let (mut found, mut size, mut sum) = (0.0, 0.0, Vector3::zero());
+    for step in 0..steps {
+        let seen = run.see(&[1.0; MEASURED]);
+        assert!(seen[6..12].iter().all(|x| *x == 1.0));
+        let part = |k: usize| Vector3([seen[k] - 1.0, seen[k + 1] - 1.0, seen[k + 2] - 1.0]);
+        let [position, attitude] = [part(0), part(3)];
+        if norm(position) > 0.0 {
+            assert!((0.2 - 1e-12..=0.4).contains(&norm(position)) && (norm(attitude) - 0.1).abs() < 1e-12);
+            assert!(step > 0);
+            (found, size, sum) = (found + 1.0, size + norm(position), sum + position);
+        }
+        run.advance();
+        run.end_period();
+    }
+    assert!((found / f64::from(steps) - share).abs() < 5.0 * (share * (1.0 - share) / f64::from(steps)).sqrt());
+    assert!((size / found - 0.3).abs() < 5.0 * 0.2 / (12.0 * found).sqrt());
+    assert!(norm(sum) / found < 5.0 * 0.31 / found.sqrt());
 }
 
 #[test]
