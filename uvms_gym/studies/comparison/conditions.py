@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
+import numpy as np
 
 from uvms_gym._core import task_defaults
 from uvms_gym._task.options import check_count
@@ -31,7 +32,9 @@ SCALED: Mapping[str, tuple[str, ...]] = {
 }
 _HEAVY_PAYLOAD = {"share": [0.16, 0.24], "pick": [2.0, 6.0], "hold": [4.0, 8.0]}
 #: Components of sensors, which act on observations only.
-_SENSORS = ("noise", "delay")
+_SENSORS = ("noise", "outliers", "dropout", "delay")
+#: Factor of starts far from the target, and their maximum distance, m: beyond it an episode ends.
+FARTHER, FARTHEST = 10.0, 9.0
 
 
 class Condition(NamedTuple):
@@ -128,6 +131,13 @@ def _times(value: Any, factor: float) -> Any:
     return [factor * x for x in value] if isinstance(value, list) else factor * value
 
 
+def _far(options: Options) -> Options:
+    """Starts farther from the target than the task's."""
+    defaults = task_defaults(options["task"])
+    distance, angle = (FARTHER * options.get(name, defaults[name]) for name in ("start_distance", "start_angle"))
+    return {"start_distance": min(distance, FARTHEST), "start_angle": min(angle, np.pi)}
+
+
 def _still(options: Options) -> Options:
     """No scripted motion of the arm, where the task has one."""
     return {"arm_amplitude": 0.0} if hasattr(TaskOptions.by_task[options["task"]], "arm_amplitude") else {}
@@ -141,6 +151,19 @@ DEPARTURES: dict[str, Departure] = {
         f"disturbances {HARDER:g} times as strong", lambda options: {"disturbance": harder(_level(options))}
     ),
     "storm-hard": Departure("the level reserved for evaluation", lambda options: {"disturbance": "storm-hard"}),
+    "dropout": Departure(
+        "30 % of the measurements are lost",
+        lambda options: {"disturbance": _with(options, dropout={"probability": 0.3})},
+    ),
+    "outliers": Departure(
+        "1 % of the measured poses are 0.1 to 0.5 m off",
+        lambda options: {"disturbance": _with(options, outliers={"probability": 0.01})},
+    ),
+    "dead-thruster": Departure(
+        "a thruster dies after 5 to 15 s",
+        lambda options: {"disturbance": _with(options, thrusters={"gain": 0.0, "time": [5.0, 15.0]})},
+    ),
+    "far-start": Departure("starts ten times as far", _far),
     "payload": Departure(
         "payload of 16 to 24 % of the thrust", lambda options: {"disturbance": _with(options, payload=_HEAVY_PAYLOAD)}
     ),
