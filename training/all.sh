@@ -118,6 +118,17 @@ END
 for seed in 0 1 2 3 4; do
     long $seed
 done
+# Bound: the policy sees the true state, as late as the measurements. Prices of effort and variation of two runs in turn.
+start=$to/UVMS-StationKeep/petasus-pum/0.1s/shac-distilled-0.safetensors
+made=$more/UVMS-StationKeep/petasus-pum/0.1s/shac-distilled-late-0.safetensors
+for prices in 0.28:0.023 0.08:0.006; do
+    next=$made
+    [ $prices = 0.08:0.006 ] || next=out/train/shac-distilled-late-0-start.safetensors
+    run "$next" $keep --algo shac --start "$start" -n 3000000 --seed 0 -params frame_stack:8 \
+        --env-kwargs "disturbance:{'base':'storm','noise':None}" \
+        --env-kwargs "reward:{'pose':1.2,'pose_scale':0.1,'effort':${prices%:*},'action_rate':${prices#*:}}"
+    start=$next
+done
 wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
     start=out/train/shac-distilled-wide-$seed-start.safetensors

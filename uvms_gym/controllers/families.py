@@ -68,9 +68,10 @@ class Setting(NamedTuple):
     ----------
     about : str
         Purpose, as half a sentence.
-    role : {"rival", "frontier", "bound"}
+    role : {"rival", "frontier", "bound", "late bound"}
         Every comparison includes the rivals, and their policies are in the package. "frontier": another limit on the
-        commands, or another price. "bound": receives the true, present state, without noise and delay.
+        commands, or another price. "bound": receives the true, present state, without noise and delay. "late bound":
+        receives the true state as late as the measurements.
     gains : dict
         Gains other than the class's defaults, beside the tuned ones.
     limits : Limits
@@ -80,7 +81,7 @@ class Setting(NamedTuple):
     """
 
     about: str
-    role: Literal["rival", "frontier", "bound"] = "rival"
+    role: Literal["rival", "frontier", "bound", "late bound"] = "rival"
     gains: Mapping[str, Any] = {}
     limits: Limits = Limits()
     base: str | None = None
@@ -232,6 +233,7 @@ FAMILIES: dict[str, Family] = {
         settings={
             **_levels(_PRICES, ("calm", "quick")),
             "long": Setting("a memory of 7 s: the smallest error at a limited effort", "frontier"),
+            "late": Setting("bound: receives the true state as late as the measurements", "late bound"),
             "wide": _WIDE,
         },
     ),
@@ -312,9 +314,15 @@ def names(task: str | None = None, learned: bool | None = None, rivals: bool = F
     )
 
 
+def true_state(name: str) -> str | None:
+    """True state that comparisons show a controller: "present", "late" as the measurements, or None: measurements."""
+    role = CONTROLLERS[name].setting.role if name in CONTROLLERS else ""
+    return {"bound": "present", "late bound": "late"}.get(role)
+
+
 def is_bound(name: str) -> bool:
-    """True for a controller that comparisons show the true, present state: it bounds the others."""
-    return name in CONTROLLERS and CONTROLLERS[name].setting.role == "bound"
+    """True for a controller that comparisons show the true state: it bounds the others."""
+    return true_state(name) is not None
 
 
 def is_learned(name: str) -> bool:

@@ -81,9 +81,15 @@ class Condition(NamedTuple):
         return f"{self.group}, {self.label}"
 
 
-def informed(condition: Condition) -> Condition:
-    """Condition in which sensors show the true, present state: its episodes are the same."""
-    options = {**condition.options, "disturbance": _with(condition.options, **dict.fromkeys(_SENSORS))}
+def informed(condition: Condition, state: str | None) -> Condition:
+    """Condition in which sensors show the true `state`, "present" or "late": its episodes are the same.
+
+    With None it is the condition as given.
+    """
+    if state is None:
+        return condition
+    perfect = [name for name in _SENSORS if state == "present" or name != "delay"]
+    options = {**condition.options, "disturbance": _with(condition.options, **dict.fromkeys(perfect))}
     return condition._replace(options=options)
 
 

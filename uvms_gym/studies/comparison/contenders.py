@@ -12,7 +12,7 @@ import numpy as np
 from uvms_gym import Rollout
 from uvms_gym._files import read
 from uvms_gym.controllers import MLP, Residual, registry
-from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_bound, is_file
+from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_file, true_state
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
@@ -32,15 +32,12 @@ class Contender(NamedTuple):
         One per training seed, or one; of `py:FILE:NAME` any object with `predict`.
     origin : dict
         Gains and their tuning, or files with digests and notes.
-    bound : bool
-        True where sensors show it the true, present state.
     """
 
     name: str
     seeds: tuple[int, ...]
     controllers: list[Any]
     origin: dict[str, Any]
-    bound: bool = False
 
 
 class EpisodeScores(NamedTuple):
@@ -66,8 +63,7 @@ def make_contender(condition: Condition, name: str, seeds: tuple[int, ...] | Non
         options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
         made = load(name, gymnasium.make_vec(condition.env, num_envs=1, **options))
         return Contender(name, (), [made], {"files": [_file(file_of(name), made)]})
-    bound = is_bound(name)
-    options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
+    options = informed(condition._replace(options=condition.designed), true_state(name)).options
     files = registry.policies(**options).get(name, {})
     seeds = seeds or tuple(files)
     made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
@@ -75,7 +71,7 @@ def make_contender(condition: Condition, name: str, seeds: tuple[int, ...] | Non
     origin = (
         {"files": [_file(*pair) for pair in zip(paths, made)]} if paths else {"tuned": registry.tuned(name, **options)}
     )
-    return Contender(name, seeds, made, origin, bound)
+    return Contender(name, seeds, made, origin)
 
 
 def _file(file: Path, controller: Any) -> dict[str, Any]:

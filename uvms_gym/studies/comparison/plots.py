@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uvms_gym.controllers.families import FAMILIES, LEVELS, canonical, is_bound, is_learned
+from uvms_gym.controllers.families import FAMILIES, LEVELS, canonical, is_bound, is_learned, true_state
 from uvms_gym.studies.comparison.conditions import DESIGN
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
@@ -37,7 +37,7 @@ Controllers = Mapping[str, Any]
 _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
 #: Colours of learned controllers, which stand out, and of classical ones.
 _LEARNED: tuple[str, ...] = (VERMILION, ORANGE, PURPLE, "#7a1f00", "#e7298a", "#b8860b", "#ff9896", "#6a0d4f")
-_LEARNED += ("#ffb347", "#a0522d", "#8b0000", "#ff6f61", "#c71585", "#f4a3c0")
+_LEARNED += ("#ffb347", "#a0522d", "#8b0000", "#ff6f61", "#c71585", "#f4a3c0", "#d8a0ff")
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
@@ -212,7 +212,8 @@ def _frontier(axes: "Axes", controllers: Controllers, cost: str) -> list[tuple[f
         course = sorted((estimate(name, cost)[0], estimate(name, HEADLINE)[0]) for name in members)
         axes.plot(*np.transpose(course), color=_FAMILY[label], lw=1.2, label=label)
     for name in bounds:
-        axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
+        style, label = ("--" if true_state(name) == "late" else ":"), f"{name}: true, {true_state(name)} state"
+        axes.axhline(estimate(name, HEADLINE)[0], ls=style, color=BLACK, lw=1.2, label=label)
     axes.set(xscale="log", xlabel=METRICS[cost].label, ylim=(0.0, None))
     axes.margins(x=0.12)
     log_ticks(axes.xaxis)

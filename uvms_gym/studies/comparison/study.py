@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym.controllers import registry
-from uvms_gym.controllers.families import canonical, is_file, names
+from uvms_gym.controllers.families import canonical, is_file, names, true_state
 from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
@@ -129,12 +129,12 @@ def run_all(
         if scores := kept.get(name):
             found[name] = scores
             tick(comparison.condition.steps * len(contender.controllers))
-    for bound in (False, True):
+    for state in (None, "late", "present"):
         contenders = {
-            name: one for name, one in comparison.contenders.items() if one.bound is bound and name not in found
+            name: one for name, one in comparison.contenders.items() if true_state(name) == state and name not in found
         }
         if contenders:
-            condition = informed(comparison.condition) if bound else comparison.condition
+            condition = informed(comparison.condition, state)
             envs = make_envs(condition, episodes)
             try:
                 for name, contender in contenders.items():

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from uvms_gym.controllers.families import MLP_PREFIX, is_bound, is_file, names
+from uvms_gym.controllers.families import MLP_PREFIX, is_bound, is_file, names, true_state
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, RANKED, Metric, by_metric
 from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
@@ -77,11 +77,16 @@ def short_names(names: Iterable[str]) -> dict[str, str]:
 
 
 def closed_share(summary: Summary, name: str) -> float | None:
-    """Share of the gap between the baseline and the best bound that a controller closes; None without."""
+    """Share of the gap between the baseline and the bound that a controller closes; None without.
+
+    The bound is the best controller that receives the true state as late as the measurements; without one in the
+    comparison, the best that receives the present state, which no controller on late measurements can reach.
+    """
     value: dict[str, float] = {
         n: entry["metrics"][HEADLINE]["whole"]["iqm"].value for n, entry in summary.controllers.items()
     }
-    bounds = [error for other, error in value.items() if is_bound(other)]
+    by_state = {state: [value[other] for other in value if true_state(other) == state] for state in ("late", "present")}
+    bounds = by_state["late"] or by_state["present"]
     if not bounds or name == summary.baseline:
         return None
     base = value[summary.baseline]
