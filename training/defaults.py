@@ -115,8 +115,8 @@ def ratio(ours: list[float], theirs: list[float]) -> list[float]:
 
 
 def table(results: list[dict[str, Any]]) -> str:
-    """Table of all rows, training seeds together."""
-    head = ["environment", "scene", "best classical controller", "it", "policy, by training seed", "ratio", "power, %"]
+    """Table of all rows, training seeds together; in cells with several numbers the classical ones are first."""
+    head = ["environment", "scene", "classical", "its error or success", "the policy's", "ratio of errors", "power, %"]
     head += ["variation, 1e-3", "99.9th percentile, worst, mm", "wall, processor time, s"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for env, scene in dict.fromkeys((r["env"], r["scene"]) for r in results):
@@ -124,16 +124,16 @@ def table(results: list[dict[str, Any]]) -> str:
         name, rival = own[0]["best"], own[0]["controllers"][own[0]["best"]]
         ours = [r["policy"] for r in own]
 
-        def pair(key: str, digits: int, rival: Any = rival, ours: Any = ours) -> str:
-            return f"{rival[key]:.{digits}f}; {', '.join(f'{p[key]:.{digits}f}' for p in ours)}"
+        def pair(key: str, rival: Any = rival, ours: Any = ours) -> str:
+            return "; ".join(f"{found[key]:.3g}" for found in (rival, *ours))
 
-        key, unit, digits = ("success", " %", 1) if "success" in rival else ("pose", " mm", 1)
-        ratios = ", ".join(f"{r['ratio'][0]:.2f}" for r in own) if key == "pose" else ""
+        key, unit = ("success", " %") if "success" in rival else ("pose", " mm")
+        ratios = "; ".join(f"{r['ratio'][0]:.2f}" for r in own) if key == "pose" else ""
         tails = "; ".join(f"{p['pose_999']:.0f}, {p['worst']:.0f}" for p in (rival, *ours))
         times = "; ".join(f"{r['seconds']['wall']:.0f}, {r['seconds']['processor']:.0f}" for r in own)
         row = [f"`{env.removeprefix('UVMS-').removesuffix('-v0')}`", f"`{scene}`", f"`{name}`"]
-        row += [f"{rival[key]:.{digits}f}{unit}", ", ".join(f"{p[key]:.{digits}f}" for p in ours) + unit, ratios]
-        row += [pair("power", 1), pair("variation", 1), tails if key == "pose" else "", times]
+        row += [f"{rival[key]:.1f}{unit}", "; ".join(f"{p[key]:.1f}" for p in ours) + unit, ratios]
+        row += [pair("power"), pair("variation"), tails if key == "pose" else "", times]
         lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines) + "\n"
 

@@ -1,5 +1,6 @@
 """Recommended training: recipes, prices by a controller's effort, stages, stops."""
 
+import importlib
 import signal
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import yaml
 
 from uvms_gym import MLP, Rollout, make_controller
 from uvms_gym.cli import main
+from uvms_gym.studies.records import read_json
 from uvms_gym.training import native
 from uvms_gym.training.export import weights_hash
 from uvms_gym.training.finished import is_finished
@@ -24,6 +26,7 @@ from uvms_gym.training.run import POLICY, SEED_STRIDE, Settings
 pytestmark = pytest.mark.learning
 
 ENV = "UVMS-StationKeep-Storm-v0"
+ROOT = Path(__file__).parents[2]
 #: Stages of two iterations each.
 COMMON = {"n_timesteps": 192, "n_envs": 8, "n_steps": 12, "frame_stack": 2, "net_arch": [8], "batch_size": 6}
 RECIPE = {
@@ -135,3 +138,9 @@ def test_weights_depend_on_the_seed_only(command: list[str], tmp_path: Path) -> 
         assert main([*command, *more]) == 0
         hashes.append(weights_hash(tmp_path / "recommended" / f"{ENV}_{i}" / POLICY))
     assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_the_table_of_the_recipes_is_that_of_their_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "training")
+    results = read_json(ROOT / "docs/_static/defaults.json")["results"]
+    assert importlib.import_module("defaults").table(results) in (ROOT / "docs/training.md").read_text()
