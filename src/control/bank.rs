@@ -13,8 +13,8 @@ pub(super) struct BankModel {
     pub thrust: f64,
 }
 
-/// Models in ascending order of delay, and the log-likelihood of their normal innovations, which fades. A bank of one has no
-/// weights.
+/// Models in ascending order of delay, and the log-likelihood of their normal innovations, which fades. A bank of
+/// models that are alike has no weights.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bank<const K: usize> {
     pub models: Vec<BankModel>,
@@ -22,11 +22,18 @@ pub(super) struct Bank<const K: usize> {
     pub precision: [f64; K],
     /// Share of a log-likelihood that remains after a control period.
     retention: f64,
+    weighs: bool,
 }
 
 impl<const K: usize> Bank<K> {
-    pub fn single(delay: usize) -> Self {
-        Self { models: vec![BankModel { delay, thrust: 1.0 }], precision: [0.0; K], retention: 1.0 }
+    /// Models of a delay that are alike and have no weights.
+    pub fn alike(delay: usize, count: usize) -> Self {
+        Self {
+            models: vec![BankModel { delay, thrust: 1.0 }; count],
+            precision: [0.0; K],
+            retention: 1.0,
+            weighs: false,
+        }
     }
 
     /// Models of each delay up to a maximum and each factor on the thrust, for standard deviations of innovations and a time
@@ -34,12 +41,12 @@ impl<const K: usize> Bank<K> {
     pub fn new(max_delay: usize, factors: [f64; 3], deviations: [f64; K], [memory_time, period]: [f64; 2]) -> Self {
         let models = (0..=max_delay).flat_map(|delay| factors.map(|thrust| BankModel { delay, thrust })).collect();
         let retention = if memory_time > 0.0 { (-period / memory_time).exp() } else { 1.0 };
-        Self { models, precision: deviations.map(|s| 0.5 / (s * s)), retention }
+        Self { models, precision: deviations.map(|s| 0.5 / (s * s)), retention, weighs: true }
     }
 
     /// Number of weights.
     pub fn weights(&self) -> usize {
-        if self.models.len() > 1 { self.models.len() } else { 0 }
+        if self.weighs { self.models.len() } else { 0 }
     }
 
     /// Maximum delay, control periods.

@@ -23,6 +23,7 @@ mod pid;
 mod residual;
 mod resolved_motion;
 mod rows;
+pub mod thruster_fault;
 mod thrusts;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
@@ -45,3 +46,4 @@ pub use pd_restoring::PdRestoring;
 pub use pid::{Pid, PidGains};
 pub use residual::{BASE_ACTION, ResidualController};
 pub use resolved_motion::{AdaptiveMotionGains, ResolvedMotion, ResolvedMotionGains, TrackingIndices};
+pub use thruster_fault::{FaultGains, FaultTolerant};

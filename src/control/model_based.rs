@@ -12,9 +12,10 @@ use super::nmpc::vehicle::{PlanStart, VehicleNmpc};
 use super::observer::ObserverGains;
 use super::observer_bank::{AdaptiveGains, ObserverBank};
 use super::rows::{
-    LaneLaw, WIDEST, Work, achieved_wrench, arm_of, lanes_of, load, read, reset_diverged, rows_of, store, write_actions,
+    LaneLaw, WIDEST, Work, achieved, arm_of, lanes_of, load, read, reset_diverged, rows_of, store, write_actions,
 };
-use super::{ActionMap, Actuation};
+use super::thruster_fault::{FaultGains, ThrusterFaults};
+use super::{ActionMap, Actuation, THRUSTERS};
 use crate::dynamics::CompositeBody;
 use crate::error::ControlError;
 use crate::lane::Lane;
@@ -65,16 +66,24 @@ pub struct ModelBased {
     law: Law,
     indices: ModelIndices,
     bank: ObserverBank,
+    faults: Option<ThrusterFaults>,
     actions: ActionMap,
     actuation: Actuation<f64>,
 }
 
 impl ModelBased {
-    /// For checked gains.
-    pub fn new(gains: LawGains, indices: ModelIndices, plant: Plant) -> Self {
+    /// For checked gains of a law and of the detection of a lost thruster.
+    ///
+    /// # Errors
+    /// `ControlError` of an allocation without one of the thrusters.
+    pub fn new(gains: LawGains, fault: FaultGains, indices: ModelIndices, plant: Plant) -> Result<Self, ControlError> {
         let Plant { scene, actions, period } = plant;
+        let allocation = actions.allocation();
+        let faults =
+            (fault.fault_threshold > 0.0).then(|| ThrusterFaults::new(fault, &scene.vehicle, allocation, period));
+        let faults = faults.transpose()?;
         let observing = |observer: ObserverGains| FeedbackGains { observer, ..FeedbackGains::default() };
-        let models = match &gains {
+        let mut models = match &gains {
             LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => vec![gains.clone()],
             LawGains::Adaptive(gains) => gains.models(&gains.bank(period), period),
             LawGains::Mpc(gains) => vec![observing(gains.observer)],
@@ -83,7 +92,9 @@ impl ModelBased {
         let bank = if let LawGains::Adaptive(gains) = &gains {
             gains.bank(period)
         } else {
-            Bank::single(models[0].observer.delay)
+            let delay = models[0].observer.delay;
+            models.extend(faults.iter().flat_map(|faults| faults.observers(delay)));
+            Bank::alike(delay, models.len())
         };
         let bank = ObserverBank::new(bank, &models, scene, period);
         let observer = bank.observer();
@@ -95,18 +106,24 @@ impl ModelBased {
             LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(&gains, scene, observer, &actions))),
             LawGains::Nmpc(gains) => Law::Nmpc(Box::new(VehicleNmpc::new(&gains, scene, observer, &actions))),
         };
-        Self { law, indices, bank, actuation: Actuation::new(&actions), actions }
+        Ok(Self { law, indices, bank, faults, actuation: Actuation::new(&actions), actions })
+    }
+
+    /// Numbers of memory per instance before the plan's.
+    fn observed(&self) -> usize {
+        self.bank.memory() + self.faults.as_ref().map_or(0, ThrusterFaults::memory)
     }
 }
 
 impl Controller for ModelBased {
     fn widths(&self) -> Widths {
-        let memory = self.bank.memory() + self.law.memory();
+        let memory = self.observed() + self.law.memory();
         Widths { observation: self.indices.vehicle.width, memory, action: self.actions.len() }
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
         let mut layout = self.bank.memory_layout();
+        layout.extend(self.faults.iter().flat_map(ThrusterFaults::memory_layout));
         if self.law.memory() > 0 {
             layout.push(("plan", self.law.memory()));
         }
@@ -127,23 +144,40 @@ impl LaneLaw for ModelBased {
         actions: &mut [f32],
         work: &mut Work<L>,
     ) {
-        let Self { law, indices, bank, actions: map, actuation } = self;
+        let Self { law, indices, bank, faults, actions: map, actuation } = self;
         let (nominal, period) = (bank.observer().model(), bank.observer().period());
-        let width = self.widths().memory;
+        let (width, of_bank, observed) = (self.widths().memory, bank.memory(), self.observed());
         let Work { scratch, memory, wrenches } = work;
-        memory.resize(bank.memory(), L::zero());
+        memory.resize(observed, L::zero());
         wrenches.resize(bank.len(), Vector6::zero());
         load(remembered, width, memory);
         let measured = read::<L>(indices, observations);
+        let (mut present, mut innovation, mut differences) = (None, Vector6::zero(), [Vector6::zero(); THRUSTERS]);
         for model in 0..bank.len() {
-            let estimate = bank.observe(model, &measured, memory, scratch);
+            let mut estimate = bank.observe(model, &measured, &mut memory[..of_bank], scratch);
+            if let Some(faults) = faults {
+                match model {
+                    0 => present = Some(estimate),
+                    1 => innovation = estimate.innovation,
+                    _ => differences[model - 2] = estimate.innovation - innovation,
+                }
+                if model + 1 < bank.len() {
+                    continue;
+                }
+                let predicted = bank.predicted(&memory[..of_bank]);
+                faults.decide(innovation, &differences, predicted, &mut memory[of_bank..]);
+                if let Some(present) = present {
+                    estimate = present;
+                }
+            }
             let zero = Vector6::zero();
             let mut bodies = [CompositeBody { inertia: SpatialInertia::zero(), momentum: zero, force: zero }; 2];
             for k in 0..law.bodies() {
                 bodies[k] = nominal.composite_body(&estimate.motion, &estimate.arms[k], scratch);
             }
-            wrenches[model] = match law {
-                Law::Dob(dobs) => dobs[model].wrench(&estimate, &bodies[0]),
+            let law_of = if faults.is_some() { 0 } else { model };
+            wrenches[law_of] = match law {
+                Law::Dob(dobs) => dobs[law_of].wrench(&estimate, &bodies[0]),
                 Law::ComputedTorque(dob) => dob.computed_torque(&estimate, &bodies, period),
                 Law::Mpc(_) | Law::Nmpc(_) => {
                     let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
@@ -157,15 +191,30 @@ impl LaneLaw for ModelBased {
                             let [error, twist, thrust, _, steady, wave, rate, slow] = *all;
                             let arms = [arm_of(&estimate.arms[0], lane), arm_of(&estimate.arms[1], lane)];
                             let (state, wrenches) = ([error, twist, thrust], [slow, wave, rate, steady]);
-                            plans[lane] = nmpc.plan(&PlanStart { state, wrenches, arms }, &mut row[bank.memory()..]);
+                            let lost = match faults {
+                                Some(faults) => faults.irreplaceable(&row[of_bank..]),
+                                None => None,
+                            };
+                            plans[lane] = nmpc.plan(&PlanStart { state, wrenches, arms }, lost, &mut row[observed..]);
                         }
                     }
                     lanes_of(&plans)
                 }
             };
         }
-        write_actions(map, bank.mix(wrenches, memory), actions);
-        bank.remember(&measured, achieved_wrench(actuation, actions), memory);
+        let mut wrench = bank.mix(wrenches, &mut memory[..of_bank]);
+        if let Some(faults) = faults {
+            wrench = faults.demand(wrench, &memory[of_bank..]);
+        }
+        write_actions(map, wrench, actions);
+        let acted = achieved::<L>(actuation, actions);
+        for model in 0..bank.len() {
+            let command = match faults {
+                Some(faults) => faults.wrench(model, &acted, &memory[of_bank..]),
+                None => acted.wrench,
+            };
+            bank.remember(model, &measured, command, &mut memory[..of_bank]);
+        }
         store(memory, remembered, width);
         reset_diverged(remembered, width);
     }

@@ -168,11 +168,6 @@ impl Observer {
         self.period
     }
 
-    /// Age of measurements, control periods.
-    pub(super) fn delay(&self) -> usize {
-        self.delay
-    }
-
     /// Control periods since the episode began, up to one more than the delay.
     pub(super) fn periods<L: Lane>(&self, memory: &[L]) -> L {
         memory[COUNT]

@@ -81,14 +81,16 @@ impl ObserverBank {
     /// For gains by model, and a checked scene that is measured and acted on every `period` s.
     pub fn new(bank: Bank<4>, gains: &[FeedbackGains], scene: &Scene, period: f64) -> Self {
         let (mut place, mut observers): (_, Vec<(Observer, usize)>) = (bank.weights(), Vec::new());
+        let mut before = None;
         for gains in gains {
             let observer = match observers.last() {
-                Some((last, _)) if last.delay() == gains.observer.delay => last.clone(),
+                Some((last, _)) if before == Some(gains.observer) => last.clone(),
                 _ => Observer::new(gains.observer, gains.prediction_horizon, scene, period),
             };
             let width = observer.memory();
             observers.push((observer, place));
             place += width;
+            before = Some(gains.observer);
         }
         Self { bank, observers }
     }
@@ -116,7 +118,11 @@ impl ObserverBank {
     /// Names and lengths of the blocks of memory.
     pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
         match self.len() {
-            1 => self.observer().memory_layout(),
+            _ if self.bank.weights() == 0 => {
+                let first = self.observer().memory_layout();
+                let others = self.memory() - self.observer().memory();
+                first.into_iter().chain((others > 0).then_some(("fault_observers", others))).collect()
+            }
             n => vec![("log_weights", n), ("models", self.memory() - n)],
         }
     }
@@ -133,10 +139,9 @@ impl ObserverBank {
     ) -> ObserverEstimate<L> {
         let (observer, place) = &self.observers[k];
         let estimate = observer.observe(measured, &mut memory[*place..][..observer.memory()], scratch);
-        if self.len() > 1 {
-            let (last, place) = self.last();
-            let predicted = L::c(self.bank.delay() as f64).lt(last.periods(&memory[*place..]));
-            let gain = L::select(predicted, self.log_likelihood(&estimate, observer.model().joints()), L::zero());
+        if self.bank.weights() > 0 {
+            let gain =
+                L::select(self.predicted(memory), self.log_likelihood(&estimate, observer.model().joints()), L::zero());
             self.bank.update(&mut memory[k], gain);
         }
         estimate
@@ -159,7 +164,7 @@ impl ObserverBank {
     /// Mean of the models' wrenches by their weights, over their factors on the thrust.
     #[inline(always)]
     pub fn mix<L: Lane<Real = f64>>(&self, wrenches: &[Vector6<L>], memory: &mut [L]) -> Vector6<L> {
-        if self.len() == 1 {
+        if self.bank.weights() == 0 {
             return wrenches[0];
         }
         normalise(&mut memory[..self.len()]);
@@ -172,12 +177,24 @@ impl ObserverBank {
         sum.scale(L::c(1.0) / total)
     }
 
-    /// Stores the commanded wrench and the arm's reference.
+    /// True where all models have predictions of measurements.
     #[inline(always)]
-    pub fn remember<L: Lane<Real = f64>>(&self, measured: &MeasuredMotion<L>, command: Vector6<L>, memory: &mut [L]) {
-        for (k, (observer, place)) in self.observers.iter().enumerate() {
-            let memory = &mut memory[*place..][..observer.memory()];
-            observer.remember(measured, command.scale(L::c(self.bank.models[k].thrust)), memory);
-        }
+    pub fn predicted<L: Lane<Real = f64>>(&self, memory: &[L]) -> L::Mask {
+        let (last, place) = self.last();
+        L::c(self.bank.delay() as f64).lt(last.periods(&memory[*place..]))
+    }
+
+    /// Stores a model's commanded wrench and the arm's reference.
+    #[inline(always)]
+    pub fn remember<L: Lane<Real = f64>>(
+        &self,
+        k: usize,
+        measured: &MeasuredMotion<L>,
+        command: Vector6<L>,
+        memory: &mut [L],
+    ) {
+        let (observer, place) = &self.observers[k];
+        let command = command.scale(L::c(self.bank.models[k].thrust));
+        observer.remember(measured, command, &mut memory[*place..][..observer.memory()]);
     }
 }

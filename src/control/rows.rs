@@ -5,7 +5,7 @@ use nalgebra as na;
 use super::controller::{Controller, Widths};
 use super::indices::{BlockIndices, ModelIndices};
 use super::nominal_model::{ArmState, VehicleMotion};
-use super::{ACTIONS, ActionMap, Actuation};
+use super::{ACTIONS, ActionMap, Actuated, Actuation};
 use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
@@ -215,12 +215,12 @@ pub(super) fn write_actions<L: Lane<Real = f64>>(map: &ActionMap, wrench: Vector
     }
 }
 
-/// Wrench of these actions within the thrusters' limits.
+/// Thrusts of these actions within the thrusters' limits, and their wrench.
 #[inline(always)]
-pub(super) fn achieved_wrench<L: Lane<Real = f64>>(actuation: &Actuation<f64>, actions: &[f32]) -> Vector6<L> {
+pub(super) fn achieved<L: Lane<Real = f64>>(actuation: &Actuation<f64>, actions: &[f32]) -> Actuated<L> {
     let mut entries = [L::zero(); ACTIONS];
     for k in 0..actuation.len() {
         entries[k] = column(actions, actuation.len(), (k, 1.0));
     }
-    actuation.act(&entries).wrench
+    actuation.act(&entries)
 }

@@ -1,5 +1,7 @@
 //! Thrusts relative to their ranges, as predictive controllers plan them.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::Allocation;
@@ -44,3 +46,11 @@ impl RelativeThrusts {
 
 /// Minimum weight on effort, m2: without any the cost has no minimum.
 pub(super) const MIN_EFFORT: f64 = 1e-8;
+
+/// Bounds of plans of `count` thrusts each, with no thrust of a lost thruster.
+pub(super) fn without(bounds: &[DVector<f64>; 2], lost: Option<usize>, count: usize) -> Cow<'_, [DVector<f64>; 2]> {
+    let Some(lost) = lost else { return Cow::Borrowed(bounds) };
+    let mut bounds = bounds.clone();
+    bounds.iter_mut().for_each(|bound| bound.iter_mut().skip(lost).step_by(count).for_each(|x| *x = 0.0));
+    Cow::Owned(bounds)
+}

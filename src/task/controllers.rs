@@ -10,10 +10,10 @@ use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
-    ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPdGains, FeedbackGains,
-    GainMap, LawGains, MAX_DELAY, MAX_SENSOR_DELAY, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl,
-    NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
-    ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge, to_map,
+    ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPdGains, FaultGains,
+    FaultTolerant, FeedbackGains, GainMap, LawGains, MAX_DELAY, MAX_SENSOR_DELAY, ModelBased, ModelIndices, MpcGains,
+    NmpcGains, NoControl, NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant,
+    PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge, to_map,
 };
 use crate::description::{Arm, DEFAULT_END_EFFECTOR, VehicleServo};
 use crate::error::TaskError;
@@ -44,11 +44,11 @@ impl ControllerKind {
         ("pd", kind::<VehicleServo>(Task::pd)),
         ("pd-restoring", kind::<VehicleServo>(Task::pd_restoring)),
         ("pid", kind::<PidGains>(Task::pid)),
-        ("dob", kind::<FeedbackGains>(Task::dob)),
+        ("dob", kind::<FaultTolerant<FeedbackGains>>(Task::dob)),
         ("dob-adaptive", kind::<AdaptiveGains>(Task::adaptive_dob)),
         ("computed-torque", kind::<FeedbackGains>(Task::computed_torque)),
-        ("mpc", kind::<MpcGains>(Task::mpc)),
-        ("nmpc", kind::<NmpcGains>(Task::nmpc)),
+        ("mpc", kind::<FaultTolerant<MpcGains>>(Task::mpc)),
+        ("nmpc", kind::<FaultTolerant<NmpcGains>>(Task::nmpc)),
         ("resolved-motion", kind::<ResolvedMotionGains>(Task::resolved_motion)),
         ("resolved-adaptive", kind::<AdaptiveMotionGains>(Task::adaptive_motion)),
         ("dock-pd", kind::<DockPdGains>(Task::dock_pd)),
@@ -112,7 +112,7 @@ impl Task {
 
     fn dob(&self, given: &GainMap) -> Made {
         let observer = ObserverGains { delay: self.known_delay(given), ..ObserverGains::default() };
-        self.model_based(FeedbackGains::new(self.servo(given)?, observer), given, MAX_SENSOR_DELAY, LawGains::Dob)
+        self.fault_tolerant(FeedbackGains::new(self.servo(given)?, observer), given, MAX_SENSOR_DELAY, LawGains::Dob)
     }
 
     fn adaptive_dob(&self, given: &GainMap) -> Made {
@@ -132,12 +132,12 @@ impl Task {
 
     fn mpc(&self, given: &GainMap) -> Made {
         let gains = MpcGains::new(ObserverGains::filtering(self.delay()));
-        self.model_based(gains, given, MAX_SENSOR_DELAY, LawGains::Mpc)
+        self.fault_tolerant(gains, given, MAX_SENSOR_DELAY, LawGains::Mpc)
     }
 
     fn nmpc(&self, given: &GainMap) -> Made {
         if self.options().task.base() != BaseController::ResolvedMotion {
-            return self.model_based(NmpcGains::station_keeping(self.delay()), given, MAX_DELAY, LawGains::Nmpc);
+            return self.fault_tolerant(NmpcGains::station_keeping(self.delay()), given, MAX_DELAY, LawGains::Nmpc);
         }
         let gains = merge(&NmpcGains::tracking(self.delay()), given, MAX_DELAY)?;
         made(TrackingNmpc::new(&gains, self.tracking_indices()?, self.plant()?), &gains)
@@ -148,7 +148,19 @@ impl Task {
         G: Clone + Serialize + DeserializeOwned,
     {
         let gains = merge(&gains, given, max_delay)?;
-        made(ModelBased::new(law(gains.clone()), self.model_indices()?, self.plant()?), &gains)
+        let controller =
+            ModelBased::new(law(gains.clone()), FaultGains::default(), self.model_indices()?, self.plant()?)?;
+        made(controller, &gains)
+    }
+
+    /// A control law that may look for a lost thruster.
+    fn fault_tolerant<G>(&self, gains: G, given: &GainMap, max_delay: usize, law: fn(G) -> LawGains) -> Made
+    where
+        G: Clone + Serialize + DeserializeOwned,
+    {
+        let gains = merge(&FaultTolerant::new(gains), given, max_delay)?;
+        let (law, fault) = (law(gains.law.clone()), gains.fault);
+        made(ModelBased::new(law, fault, self.model_indices()?, self.plant()?)?, &gains)
     }
 
     fn resolved_motion(&self, given: &GainMap) -> Made {

@@ -240,3 +240,47 @@ def test_a_forgotten_state_is_warned_of_once() -> None:
     pd = PD(scene="petasus-pum")
     pd.predict(rows)
     pd.predict(rows)
+
+
+#: Detection of a lost thruster.
+LOOKING = {"fault_threshold": 7.0}
+
+
+@pytest.mark.parametrize("kind", [DOB, MPC, NMPC])
+def test_a_controller_that_looks_for_a_lost_thruster_acts_alike_without_one(kind: Any) -> None:
+    env = StationKeepVectorEnv(8, disturbance={"base": "storm", "thrusters": None}, substeps=10, thruster_lag=0.1)
+    plain, looking = kind(env), kind(env, **LOOKING)
+    observation, _ = env.reset(seed=3)
+    states: list[Any] = [None, None]
+    for _ in range(60):
+        pair = [c.predict(observation, state) for c, state in zip((plain, looking), states, strict=True)]
+        actions, states = (list(part) for part in zip(*pair, strict=True))
+        assert actions[0].tobytes() == actions[1].tobytes()
+        assert (looking.lost_thruster(states[1]) == -1).all() and (looking.alarms(states[1]) == 0).all()
+        observation, *_ = env.step(actions[0])
+    with pytest.raises(ValueError, match="DOB looks for no lost thruster: give fault_threshold"):
+        DOB(env).lost_thruster(states[0])
+
+
+@pytest.mark.parametrize(("scene", "name"), [("petasus-pum", "dob"), ("petasus-pum", "mpc"), ("bluerov2-heavy", "dob")])
+def test_a_dead_thruster_is_found_in_the_storm_and_the_error_falls(scene: str, name: str) -> None:
+    death = {"base": "storm", "thrusters": {"gain": 0.0, "time": 5.0}}
+    env: Any = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=64, scene=scene, disturbance=death)
+    errors = []
+    for setting in (None, "fault-tolerant"):
+        controller: Any = uvms_gym.make_controller(name, setting, env)
+        (observation, _), state, squares = env.reset(seed=8_000_000), None, np.zeros(64)
+        which = np.array([env.unwrapped.disturbance(i, 60)["gains"][-1].argmin() for i in range(64)])
+        found, wrong = np.zeros((2, 64), bool)
+        for step in range(200):
+            action, state = controller.predict(observation, state)
+            observation, *_, info = env.step(action)
+            squares += info["pose_error"] ** 2
+            if setting is not None:
+                lost = controller.lost_thruster(state)
+                found |= (lost == which) & (step >= 50)
+                wrong |= (lost >= 0) & ~((lost == which) & (step >= 50))
+        errors.append(np.median(squares))
+    # Seen over 1024 episodes: 0 to 1 % false alarms, nine of ten found.
+    assert found.mean() > 0.75 and wrong.mean() < 0.1
+    assert errors[1] < errors[0]

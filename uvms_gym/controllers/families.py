@@ -78,6 +78,8 @@ class Setting(NamedTuple):
         Limits in tuning.
     base : str or None
         Name of the controller that a residual policy corrects.
+    tuned : str or None
+        Name of the controller whose tuned gains it has; None: its own.
     """
 
     about: str
@@ -85,6 +87,7 @@ class Setting(NamedTuple):
     gains: Mapping[str, Any] = {}
     limits: Limits = Limits()
     base: str | None = None
+    tuned: str | None = None
 
 
 class Family(NamedTuple):
@@ -134,6 +137,11 @@ def _observer(still: float, calm: float, medium: float, rivals: tuple[str, ...],
     }
 
 
+def _fault_tolerant(tuned: str, **more: Any) -> dict[str, Setting]:
+    about = f"`{tuned}` that finds a lost thruster and does without it"
+    return {"fault-tolerant": Setting(about, "frontier", {"fault_threshold": 7.0, **more}, tuned=tuned)}
+
+
 _PRICES = dict.fromkeys(LEVELS, Limits())
 _WIDE = Setting("trained on vehicles with poorly known parameters, thrust and sensor delay")
 FAMILIES: dict[str, Family] = {
@@ -157,6 +165,7 @@ FAMILIES: dict[str, Family] = {
         {
             "plain": Setting("without prediction over the sensor delay"),
             **_observer(0.6, 1.2, 2.4, ("calm", "quick"), delay=None),
+            **_fault_tolerant("dob", delay=None),
         },
     ),
     "dob-adaptive": _classical(
@@ -174,7 +183,7 @@ FAMILIES: dict[str, Family] = {
         "Where thrusters saturate.",
         MPC,
         "quick",
-        _levels({"quick": Limits(variation=4.8), "free": Limits(None)}, ("quick",)),
+        {**_levels({"quick": Limits(variation=4.8), "free": Limits(None)}, ("quick",)), **_fault_tolerant("mpc")},
     ),
     "nmpc": _classical(
         "Nonlinear model-predictive control by real-time iterations, with the observer of `dob`.",

@@ -30,7 +30,30 @@ class ModelBased(ClassicalController):
         return _part(self, state, "slow_disturbance") + _part(self, state, "wave_disturbance")
 
 
-class DOB(ModelBased):
+class FaultTolerant(ClassicalController):
+    """Base class of controllers that may look for a lost thruster: see `DOB`."""
+
+    def lost_thruster(self, state: ArrayLike) -> NDArray[np.int64]:
+        """Index (...,) of the thruster that counts as lost in a state (..., m) of `predict`; -1: none.
+
+        Raises
+        ------
+        ValueError
+            A state of another shape, or a controller that looks for none.
+        """
+        return self._of_fault(state, "lost_thruster").astype(np.int64) - 1
+
+    def alarms(self, state: ArrayLike) -> NDArray[np.int64]:
+        """Number (...,) of times that a thruster was found to be lost in the episode so far; errors as above."""
+        return self._of_fault(state, "alarms").astype(np.int64)
+
+    def _of_fault(self, state: ArrayLike, name: str) -> NDArray[np.float64]:
+        if name not in self.memory_layout:
+            raise ValueError(f"{type(self).__name__} looks for no lost thruster: give fault_threshold")
+        return _part(self, state, name)[..., 0]
+
+
+class DOB(FaultTolerant, ModelBased):
     """PD with a disturbance observer, `F = -kp e - kd V - f(e, V, q) - d`.
 
     The observer predicts the momentum h of vehicle and arm, rigid and added, by the scene's nominal model:
@@ -44,6 +67,14 @@ class DOB(ModelBased):
     the disturbance from its wave part.
 
     The estimate and the latest actions are its state; without it, every call of `predict` counts as an episode's first.
+
+    With `fault_threshold` it looks for a thruster that has lost thrust, by the generalised likelihood ratio [WJ76]:
+    slow observers without a fault and without each thruster predict the measurements, and the lost share of greatest
+    likelihood is a regression of the innovations on the differences between their predictions, together with a common
+    factor on all thrusts. From then on the observer knows of the lost share, and the thrusters are asked for what has
+    the wanted effect without it. Where one is dead that the others cannot replace, they come closest to the wanted
+    wrench, and it is tried by 15 % of its thrust, so that a false alarm ends. `lost_thruster` and `alarms` tell of it.
+    A single fault is assumed.
 
     Parameters
     ----------
@@ -66,6 +97,12 @@ class DOB(ModelBased):
     prediction_horizon : float or None
         Time beyond the present for which the model predicts before the feedback, s, at most 10: the thrusters' lag. 0
         by default.
+    fault_threshold : float or None
+        Log-likelihood ratio from which a thruster counts as lost; 0: none is looked for. 0 by default.
+    fault_loss : float or None
+        Minimum share of its thrust that a lost thruster has lost. 0.6 by default.
+    fault_memory : float or None
+        Time constant of forgetting, s; 0: nothing is forgotten. 1 by default.
     """
 
     kind = "dob"
@@ -155,7 +192,7 @@ class ComputedTorque(ModelBased):
     kind = "computed-torque"
 
 
-class MPC(ModelBased):
+class MPC(FaultTolerant, ModelBased):
     """Linear model-predictive control, with the observer of `DOB`.
 
     It plans the thrusts over the next 15 control periods, constant over 1, 2, 4 and 8 of them, at minimum cost within
@@ -176,12 +213,14 @@ class MPC(ModelBased):
         (0.03, 0.06) and (0.01, 0.02) by default.
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, delay
         Meaning as in `ComputedTorque`.
+    fault_threshold, fault_loss, fault_memory
+        Meaning as in `DOB`.
     """
 
     kind = "mpc"
 
 
-class NMPC(ClassicalController):
+class NMPC(FaultTolerant):
     """Nonlinear model-predictive control of both tasks, by real-time iterations. [Die02]
 
     It plans over the next control periods by the scene's nominal model in still water, with the estimated disturbance:
@@ -223,6 +262,8 @@ class NMPC(ClassicalController):
     delay : int or None
         Age of measurements in control periods, which is compensated, 0 to 10. By default the age in the environment's
         sensors.
+    fault_threshold, fault_loss, fault_memory
+        Meaning as in `DOB`; station keeping only.
     """
 
     kind = "nmpc"

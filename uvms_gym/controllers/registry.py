@@ -188,6 +188,7 @@ def tuned(name: str, env: Any = None, **options: Any) -> dict[str, Any] | None:
 def tuned_at(name: str, at: Path) -> dict[str, Any] | None:
     """As `tuned`, for a place."""
     name = canonical(name)
+    name = CONTROLLERS[name].setting.tuned or name
     file = PRETRAINED / at / "gains.json"
     if not file.exists():
         return None

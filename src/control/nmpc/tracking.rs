@@ -48,7 +48,7 @@ impl TrackingNmpc {
         let mut end = hessian.view((0, 0), (layout.states(), layout.states())).into_owned();
         end.view_mut((0, 0), (6, 6)).scale_mut(END);
         Self {
-            bank: MotionBank::new(Bank::single(gains.delay), predictor),
+            bank: MotionBank::new(Bank::alike(gains.delay, 1), predictor),
             bounds: layout.bounds(),
             model,
             home: scene.joints().map(|joint| joint.home).collect(),

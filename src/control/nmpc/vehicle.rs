@@ -8,7 +8,7 @@ use crate::control::ActionMap;
 use crate::control::kalman::WaveTransition;
 use crate::control::nominal_model::{AppliedWrenches, ArmState, NominalModel, VehicleMotion};
 use crate::control::observer::{Observer, load, store};
-use crate::control::thrusts::RelativeThrusts;
+use crate::control::thrusts::{RelativeThrusts, without};
 use crate::description::Scene;
 use crate::dynamics::aba::Scratch;
 use crate::lane::{Function, Lane, differentiate, evaluate};
@@ -82,13 +82,14 @@ impl VehicleNmpc {
         DMatrix::from_columns(&columns)
     }
 
-    /// Improves the plan in the memory from the present on, and returns its first wrench.
-    pub fn plan(&self, present: &PlanStart, memory: &mut [f64]) -> [f64; 6] {
+    /// Improves the plan in the memory from the present on, without a lost thruster, and returns its first wrench.
+    pub fn plan(&self, present: &PlanStart, lost: Option<usize>, memory: &mut [f64]) -> [f64; 6] {
         let state = DVector::from_column_slice(present.state.as_flattened());
         let model = VehicleModel { nmpc: self, present };
         let targets: Vec<_> = (0..=HORIZON).map(|k| self.target(k, present)).collect();
         let dynamics = self.dynamics(present);
-        let plan = RealTimePlan::new(&model, (&self.cost, &dynamics), &targets, &self.thrusts.bounds, state, memory);
+        let bounds = without(&self.thrusts.bounds, lost, self.thrusts.count());
+        let plan = RealTimePlan::new(&model, (&self.cost, &dynamics), &targets, &bounds, state, memory);
         let wrench = &self.thrusts.wrench * plan.improve(memory);
         std::array::from_fn(|k| wrench[k])
     }

@@ -69,7 +69,7 @@ impl ResolvedMotion {
     /// # Errors
     /// [`ControlError::GainShape`] if `hold` has a name that is no other end effector's of the scene, or too many.
     pub fn new(gains: ResolvedMotionGains, indices: TrackingIndices, plant: Plant) -> Result<Self, ControlError> {
-        Self::on_models(Bank::single(gains.delay), vec![gains], indices, plant)
+        Self::on_models(Bank::alike(gains.delay, 1), vec![gains], indices, plant)
     }
 
     /// On a bank of models, for checked gains.

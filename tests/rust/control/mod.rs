@@ -7,6 +7,7 @@ mod mpc;
 mod nmpc;
 mod resolved_motion;
 mod righting;
+mod thruster_fault;
 
 use uvms_gym::control::{ActionKind, ActionMap, Actuated, Actuation, Allocation, BlockIndices, TrackingIndices};
 use uvms_gym::description::Scene;

@@ -29,7 +29,7 @@ impl Case {
     }
 
     fn first(&self, present: &PlanStart) -> Vector6<f64> {
-        self.nmpc.plan(present, &mut vec![0.0; self.nmpc.memory()]).into()
+        self.nmpc.plan(present, None, &mut vec![0.0; self.nmpc.memory()]).into()
     }
 }
 
@@ -63,7 +63,7 @@ fn thrusts_of_a_far_target_are_at_their_limits_and_within() {
         let mut memory = vec![0.0; case.nmpc.memory()];
         let far = case.present([[30.0, -20.0, 10.0, 0.3, 0.2, 1.0], [0.0; 6], [0.0; 6]]);
         for _ in 0..3 {
-            case.nmpc.plan(&far, &mut memory);
+            case.nmpc.plan(&far, None, &mut memory);
             let allocation = case.actions.allocation();
             let mut saturated = 0;
             for thrusts in memory.chunks_exact(memory.len() / HORIZON) {
