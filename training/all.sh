@@ -72,7 +72,9 @@ for name in pd pid pd-restoring dob/plain dob dob/still dob/calm dob/medium dob/
     tune $name UVMS-StationKeep-Storm-v0
 done
 # Plans take time: fewer episodes.
-tune nmpc UVMS-StationKeep-Storm-v0 --generations 10 --population 12 --episodes 16 --finals 128
+for env in UVMS-StationKeep-Storm-v0 UVMS-EETrack-Storm-v0; do
+    tune nmpc $env --generations 10 --population 12 --episodes 16 --finals 128
+done
 tune dob/wide UVMS-StationKeep-Wide-v0
 for scene in bluerov2-heavy bluerov2-heavy-alpha5 bluerov2-heavy-alpha5-gripper bluerov2-heavy-two-alpha5 \
     bluerov2-alpha5-pool rexrov; do
