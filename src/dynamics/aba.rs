@@ -24,15 +24,17 @@
 
 use std::hint::cold_path;
 
-use super::articulation::Outer;
+use super::articulation::{Across, Outer};
 use super::branches::{Branches, at_carrier, fill, motion_at_carrier, rate_at_carrier, stored_zero};
+use super::common_joint::{dh_parameters, if_common};
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
 use super::link::{LinkScratch, add_joint_rate, joint_screws};
-use crate::lane::{Lane, Param};
+use super::place::WaterFrame;
+use crate::lane::{Lane, Param, Routine};
 use crate::lie::{Vector3, Vector6};
-use crate::spatial::SpatialInertia;
-use crate::system::{BodyTerms, JOINTS, JointScrew, System};
+use crate::spatial::{LinkTwist, SpatialInertia};
+use crate::system::{BodyTerms, JOINTS, JointKind, JointTerms, System};
 
 /// Joint torques, servo targets and external link wrenches, constant over a control period except for the targets.
 #[derive(Debug, Clone, Copy)]
@@ -111,9 +113,9 @@ pub struct Instant<'a, L> {
     /// Joint rates.
     pub qd: &'a [L; JOINTS],
     /// Wrench on the vehicle, body axes at its origin, N and N m.
-    pub wrench: Vector6<L>,
-    /// Linear rate of `twist` of a fixed vehicle: minus the acceleration of the water. Unused otherwise.
-    pub fixed_rate: Vector3<L>,
+    pub wrench: &'a Vector6<L>,
+    /// Linear rate of `twist` of a fixed vehicle: minus the acceleration of the water.
+    pub fixed_rate: Option<Vector3<L>>,
     /// Time of the servo targets, s.
     pub time: L,
     /// Time since the start of the step, s: the velocity of the water is known at that start ([`Scratch::water`]).
@@ -159,7 +161,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { is_start, gravity, twist, q, qd, .. } = *at;
+    let Instant { is_start, gravity, twist, q, .. } = *at;
     let joints = system.chain();
     if joints.is_empty() {
         let none = (SpatialInertia::zero(), Vector6::zero());
@@ -182,21 +184,16 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
     if system.z_aligned {
         for i in 0..joints.len() {
-            if let Some(carrier) = joints[i].branch.carrier {
-                cold_path();
-                (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
-            }
+            (g, V) = outward(joints, i, (water, at), (g, V), links);
             let (joint, link) = (&joints[i], &mut links[i]);
-            (g, V) = link.outward(joint, g, V, qd[i]);
-            if let Some(central) = &joint.body.central {
-                central.bias_z_aligned(V, g, &mut link.p);
-            }
-            if joint.branch.forks {
+            let Some(central) = &joint.body.central else {
                 cold_path();
-                (link.g, link.V) = (g, V);
-                if let (Some(payload), false) = (&joint.body.payload, B::SHARED) {
-                    payload.add_bias(V, g, &mut link.p);
-                }
+                continue;
+            };
+            central.bias_z_aligned(V, g, &mut link.p);
+            if let (false, true, Some(payload)) = (B::SHARED, joint.branch.forks, &joint.body.payload) {
+                cold_path();
+                payload.add_bias(V, g, &mut link.p);
             }
         }
         // A payload is on the last link, or on one that `forks`.
@@ -207,17 +204,8 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     } else {
         for i in 0..joints.len() {
-            if let Some(carrier) = joints[i].branch.carrier {
-                cold_path();
-                (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (gravity, twist), links);
-            }
-            let (joint, link) = (&joints[i], &mut links[i]);
-            (g, V) = link.outward(joint, g, V, qd[i]);
-            if joint.branch.forks {
-                cold_path();
-                (link.g, link.V) = (g, V);
-            }
-            body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
+            (g, V) = outward(joints, i, (water, at), (g, V), links);
+            body_bias::<_, _, false>(&joints[i].body, V, g, &mut links[i].p);
         }
     }
     if loads.on_links {
@@ -241,41 +229,47 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
-        if let Some(carrier) = joints[i].branch.carrier {
+        let (joint, link) = (&joints[i], &links[i]);
+        if_common!(joint, |parameters| {
+            let (x, z) = link.screws::<P>(&parameters);
+            (V_dot, qdd[i]) = link.accelerate(z.adjoint_apply_inverse(x.adjoint_apply_inverse(V_dot)), false, true);
+            continue;
+        });
+        if let Some(carrier) = joint.branch.carrier {
             cold_path();
             V_dot = rate_at_carrier(carrier, water, *twist_rate, links);
         }
-        let (joint, link) = (&joints[i], &links[i]);
-        V_dot = link.twist_from_parent(joint, V_dot);
-        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (V_dot.linear.0, V_dot.angular.0);
-        (vx, vy) = (vx + link.c[0], vy + link.c[1]);
-        (wx, wy) = (wx + link.c[2], wy + link.c[3]);
-        let ([sx, sy, sz], [tx, ty, tz]) = (link.U_over_D.linear.0, link.U_over_D.angular.0);
-        // The link's acceleration along its joint is `(u - U^T ...) / D`, independent of the parent's there. Two partial sums,
-        // starting with the component that the joint's rotation leaves unchanged: this is the latency chain of the pass.
-        let first = if joint.is_prismatic() {
-            cold_path();
-            tz.neg_mul_add(wz, link.u_over_D)
-        } else {
-            sz.neg_mul_add(vz, link.u_over_D)
-        };
-        let along = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
-        // Both entries are bound anew: a reference to one of them would send both through memory.
-        let (vz, wz, qdd_i) = if joint.is_prismatic() {
-            cold_path();
-            let along = if joint.rotor_inertia.is_some() { link.J_over_D.mul_add(vz, along) } else { along };
-            (along, wz, along - vz)
-        } else {
-            let along = if joint.rotor_inertia.is_some() { link.J_over_D.mul_add(wz, along) } else { along };
-            (vz, along, along - wz)
-        };
-        qdd[i] = qdd_i;
-        V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
+        let parent = links[i].twist_from_parent(joint, V_dot);
+        (V_dot, qdd[i]) = links[i].accelerate(parent, joint.is_prismatic(), joint.rotor_inertia.is_some());
         if joint.branch.forks {
             cold_path();
             links[i].V = V_dot;
         }
     }
+}
+
+/// Gravity and twist of link `i` from those of the link before it.
+#[inline(always)]
+fn outward<L: Lane, P: Param<L>, B>(
+    joints: &[JointTerms<P, B>],
+    i: usize,
+    (water, at): (&WaterFrame<L>, &Instant<L>),
+    (mut g, mut V): (Vector3<L>, Vector6<L>),
+    links: &mut [LinkScratch<L>],
+) -> (Vector3<L>, Vector6<L>) {
+    let (joint, link, qd) = (&joints[i], &mut links[i], at.qd[i]);
+    if_common!(joint, |parameters| return link.outward_common::<P>(&parameters, g, V, qd));
+    if let Some(carrier) = joint.branch.carrier {
+        cold_path();
+        (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (at.gravity, at.twist), links);
+    }
+    let link = &mut links[i];
+    (g, V) = link.outward(joint, g, V, qd);
+    if joint.branch.forks {
+        cold_path();
+        (link.g, link.V) = (g, V);
+    }
+    (g, V)
 }
 
 /// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
@@ -290,7 +284,6 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: b
     twist_rate: &mut Vector6<L>,
 ) {
     let Instant { q, qd, time, .. } = *at;
-    let joints = system.chain();
     let in_memory = GEARED && !L::MANY_REGISTERS;
     let mut registers;
     let outer = if in_memory {
@@ -300,32 +293,31 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: b
         registers = Outer::zero();
         &mut registers
     };
-    for i in (0..joints.len().min(links.len())).rev() {
-        // Both are there for every i; `get` leaves no call that reports an index out of bounds.
-        let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
-        let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        if joint.branch.forks {
-            cold_path();
-            branches.take(i + 1, &mut outer.inertia, &mut outer.p);
+    let servos_on = loads.terms > 0;
+    // From the last joint inwards, without an index that would be checked.
+    let (mut joints, mut links) = (system.chain(), links);
+    while let ([inner @ .., joint], [inner_links @ .., link]) = (joints, links) {
+        let i = inner.len();
+        (joints, links) = (inner, inner_links);
+        let target = if servos_on { loads.target(i, time) } else { None };
+        let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], target);
+        if let (true, Some(J)) = (GEARED, &joint.rotor_inertia) {
+            if_common!(joint, |parameters| {
+                outer.across_geared::<_, _, SPARSE>(joint, &parameters, J.get(), tau, link);
+                continue;
+            });
         }
-        match (joint.screw, joint.rotor_inertia) {
-            (JointScrew::Revolute { d }, Some(J)) if in_memory && !joint.prescribed => {
-                outer.across_geared::<_, _, SPARSE>(joint, d, J.get(), tau, link);
-            }
-            _ => {
-                if in_memory {
-                    cold_path();
-                }
-                outer.across::<_, _, SPARSE, GEARED>(joint, tau, (loads, i, time), link);
-            }
-        }
-        if let Some(carrier) = joint.branch.carrier {
+        let (outer, branches, at) = (&mut *outer, &mut *branches, (loads, i, time));
+        if in_memory {
             cold_path();
-            branches.add(carrier, &mut outer.inertia, &mut outer.p);
-        } else if i == 0 && system.tree {
-            cold_path();
-            branches.take(0, &mut outer.inertia, &mut outer.p);
+            L::call(&mut Across::<_, _, _, false, true> { outer, branches, joint, tau, at, link });
+        } else {
+            Across::<_, _, _, SPARSE, GEARED> { outer, branches, joint, tau, at, link }.run();
         }
+    }
+    if system.tree {
+        cold_path();
+        branches.take(0, &mut outer.inertia, &mut outer.p);
     }
 
     *twist_rate = vehicle_rate::<_, _, _, SPARSE>(system, at, &outer.inertia, outer.p);
@@ -339,12 +331,12 @@ fn vehicle_rate<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     I_children: &SpatialInertia<L>,
     p_children: Vector6<L>,
 ) -> Vector6<L> {
-    if system.fixed {
-        return Vector6 { linear: at.fixed_rate, angular: Vector3::zero() };
+    if let Some(linear) = at.fixed_rate {
+        return Vector6 { linear, angular: Vector3::zero() };
     }
     let mut p = Vector6::zero();
     body_bias::<_, _, SPARSE>(&system.vehicle, at.twist, at.gravity, &mut p);
-    I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(at.wrench - (p + p_children))
+    I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(*at.wrench - (p + p_children))
 }
 
 /// Twist of each link in its joint's frame, m/s and rad/s, relative to the same medium as the twists of vehicle and world.

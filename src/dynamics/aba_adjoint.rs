@@ -27,7 +27,7 @@ use super::link::{add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::{BodyTerms, Factors, JOINTS, JointScrew, JointTerms, System, UnscaledBodyTerms, WORLD};
+use crate::system::{BodyTerms, Factors, JOINTS, JointTerms, System, UnscaledBodyTerms, WORLD};
 
 /// Accelerations `[V'; q'']`, or their cotangents.
 #[derive(Debug, Clone, Copy)]
@@ -281,7 +281,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
         of_qd += along(joint, of_V);
         let mut of_q = by_coordinate(joint, of_V, link.V) + by_coordinate(joint, force, memory.dual[i]);
         of_q += by_coordinate(joint, of_A, memory.acceleration[i] - with_zeros(link.c));
-        if let JointScrew::Revolute { .. } = joint.screw {
+        if !joint.is_prismatic() {
             of_q += of_g.0[0].mul_add(link.g.0[1], -(of_g.0[1] * link.g.0[0]));
         }
         (of_instant.q[i], of_instant.qd[i]) = (-of_q, -of_qd);

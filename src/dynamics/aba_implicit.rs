@@ -126,12 +126,12 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     }
 
-    if system.fixed {
-        *twist_rate = Vector6 { linear: fixed_rate, angular: Vector3::zero() };
+    if let Some(linear) = fixed_rate {
+        *twist_rate = Vector6 { linear, angular: Vector3::zero() };
     } else {
         let (I, p) = effective(&system.vehicle, h, twist, gravity);
         let mut I_A = I.plus(&I_children);
-        let mut force = (wrench - (p + p_children)).to_array();
+        let mut force = (*wrench - (p + p_children)).to_array();
         if let (true, Some(gains)) = (vehicle_servo, &system.vehicle_servo) {
             let rate = twist.to_array();
             unroll!(i in 0 1 2 3 4 5 => {

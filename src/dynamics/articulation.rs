@@ -10,11 +10,13 @@
 use std::hint::cold_path;
 
 use super::aba::ArmLoads;
+use super::branches::Branches;
+use super::common_joint::{DhParameters, dh_parameters};
 use super::link::{Drive, LinkScratch, with_zeros};
-use crate::lane::{Lane, Param, separate, unroll};
-use crate::lie::{Pose, Vector6};
-use crate::spatial::{EarlierBlocks, LinkTwist, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
-use crate::system::{JointPlacement, JointScrew, JointTerms};
+use crate::lane::{Lane, Param, Routine, separate, unroll};
+use crate::lie::Vector6;
+use crate::spatial::{EarlierBlocks, SpatialInertia, screw_z};
+use crate::system::JointTerms;
 
 /// Inertia and bias wrench that the outer links add to a body, in its frame.
 #[derive(Debug, Clone)]
@@ -47,6 +49,15 @@ impl<L: Lane> Outer<L> {
         (loads, i, time): (&ArmLoads<L>, usize, L),
         link: &mut LinkScratch<L>,
     ) {
+        let by_blocks = GEARED && !L::MANY_REGISTERS && !joint.is_prismatic() && !joint.prescribed;
+        if let (true, Some(J)) = (by_blocks, joint.rotor_inertia) {
+            self.across_geared::<_, _, SPARSE>(joint, &dh_parameters(joint), J.get(), tau, link);
+            if let Some(before) = &joint.placement.before {
+                self.inertia = before.inertia_to_parent(&self.inertia);
+                self.p = before.wrench_to_parent(self.p);
+            }
+            return;
+        }
         let I_A = self.inertia.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + self.p;
         if GEARED && joint.rotor_inertia.is_some() {
@@ -60,76 +71,61 @@ impl<L: Lane> Outer<L> {
             return;
         }
         // Along its axis a joint without a rotor transmits its torque only.
-        let (I_a, p_a) = match joint.screw {
-            JointScrew::Revolute { d } => {
-                let screw = screw_z(link.screw[0], link.screw[1], d);
-                let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
-                link.U_over_D.linear = U_over_D.linear;
-                (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) =
-                    (U_over_D.angular.0[0], U_over_D.angular.0[1]);
-                let u = tau - p.angular.0[2];
-                link.u_over_D = u * one_over_D;
-                I_a.apply_across(link.c, &mut p);
-                p = U_over_D.scale_add(u, p);
-                p.angular.0[2] = tau;
-                (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
-            }
-            JointScrew::Prismatic { sin, cos } => {
-                cold_path();
-                let screw = screw_z(sin, cos, Some(link.screw[0]));
-                let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
-                link.U_over_D = U_over_D;
-                let u = tau - p.linear.0[2];
-                link.u_over_D = u * one_over_D;
-                p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
-                p.linear.0[2] = tau;
-                (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
-            }
+        let (I_a, p_a) = if let Some([sin, cos]) = joint.screw.theta {
+            cold_path();
+            let screw = screw_z(sin, cos, Some(link.screw[0]));
+            let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
+            link.U_over_D = U_over_D;
+            let u = tau - p.linear.0[2];
+            link.u_over_D = u * one_over_D;
+            p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
+            p.linear.0[2] = tau;
+            (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+        } else {
+            let screw = screw_z(link.screw[0], link.screw[1], joint.screw.d);
+            let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
+            link.U_over_D.linear = U_over_D.linear;
+            (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) = (U_over_D.angular.0[0], U_over_D.angular.0[1]);
+            let u = tau - p.angular.0[2];
+            link.u_over_D = u * one_over_D;
+            I_a.apply_across(link.c, &mut p);
+            p = U_over_D.scale_add(u, p);
+            p.angular.0[2] = tau;
+            (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
         };
         (self.inertia, self.p) = (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a));
     }
 
-    /// [`Self::across`] a revolute joint with offset `d` and a rotor of inertia `J` that is not prescribed.
+    /// Across a revolute joint with these parameters and a rotor of inertia `J`, free to move.
     #[inline(always)]
     pub fn across_geared<P: Param<L>, B: Param<L>, const SPARSE: bool>(
         &mut self,
         joint: &JointTerms<P, B>,
-        d: Option<P>,
+        parameters: &DhParameters<P>,
         J: L,
         tau: L,
         link: &mut LinkScratch<L>,
     ) {
-        let (bend, a) = match joint.placement {
-            JointPlacement::Dh(bend, a) | JointPlacement::DhWithOffset(_, _, bend, a) => (bend, a),
-            JointPlacement::General(..) => (LinkTwist::Deg0, None),
-        };
-        let (own, z, x) = (&joint.body.inertia, screw_z(link.screw[0], link.screw[1], d), screw_x(bend, a));
+        let own = &joint.body.inertia;
+        if L::MANY_REGISTERS {
+            let (x, z) = link.screws(parameters);
+            let I_A = self.inertia.plus_own::<_, SPARSE>(own);
+            let (I_a, p_a) = link.free(&I_A, link.p + self.p, J, tau);
+            self.inertia = x.inertia_to_parent(&z.inertia_to_parent(&I_a));
+            self.p = x.co_adjoint_apply_inverse(z.co_adjoint_apply_inverse(p_a));
+            return;
+        }
         self.column::<_, SPARSE>(own, J, tau, link);
         separate();
-        self.linear::<_, _, SPARSE>(own, &z, &x, link);
+        self.linear::<_, _, SPARSE>(joint, parameters, link);
         separate();
-        self.coupling::<_, _, SPARSE>(own, &z, &x, link);
+        self.coupling::<_, _, SPARSE>(joint, parameters, link);
         separate();
-        self.angular::<_, _, SPARSE>(own, &z, &x, link);
+        self.angular::<_, _, SPARSE>(joint, parameters, link);
         separate();
-        let p = x.co_adjoint_apply_inverse(z.co_adjoint_apply_inverse(self.p));
-        match joint.placement {
-            JointPlacement::Dh(..) => self.p = p,
-            JointPlacement::DhWithOffset(turn, d, ..) => {
-                let turned = constant_screw_z(turn, d);
-                self.p = turned.co_adjoint_apply_inverse(p);
-                self.inertia = turned.inertia_to_parent(&self.inertia);
-            }
-            JointPlacement::General(ref r, ref at) => {
-                cold_path();
-                let pose = Pose::of(r, at);
-                self.p = pose.co_adjoint_apply_inverse(p);
-                self.inertia = self.inertia.to_parent(&pose);
-            }
-        }
     }
 
-    /// Column U of I_A, which stays in the inertia; `p_A + U u / D`.
+    /// Column U of I_A, which stays in the inertia.
     #[inline(always)]
     fn column<B: Param<L>, const SPARSE: bool>(
         &mut self,
@@ -147,25 +143,21 @@ impl<L: Lane> Outer<L> {
             h[2][2] += own.h[2][2].get();
             j[4] += own.j[4].get();
         }
-        let U = Vector6::from_array([h[0][2], h[1][2], h[2][2], j[2], j[4], j[5]]);
-        let p = link.p + self.p;
         let one_over_D = L::c(1.0) / (j[5] + J);
         link.J_over_D = J * one_over_D;
-        link.u_over_D = (tau - p.angular.0[2]) * one_over_D;
-        link.U_over_D = U.scale(one_over_D);
-        self.p = U.scale_add(link.u_over_D, p);
+        link.u_over_D = (tau - (link.p.angular.0[2] + self.p.angular.0[2])) * one_over_D;
+        link.U_over_D = Vector6::from_array([h[0][2], h[1][2], h[2][2], j[2], j[4], j[5]]).scale(one_over_D);
     }
 
     /// Linear block.
     #[inline(always)]
     fn linear<P: Param<L>, B: Param<L>, const SPARSE: bool>(
         &mut self,
-        own: &SpatialInertia<B>,
-        z: &Screw<L, P, 2>,
-        x: &Screw<P, P, 0>,
+        joint: &JointTerms<P, B>,
+        parameters: &DhParameters<P>,
         link: &LinkScratch<L>,
     ) {
-        let (mut m, h, s) = (self.inertia.m, &self.inertia.h, &link.U_over_D.linear.0);
+        let (mut m, h, s, own) = (self.inertia.m, &self.inertia.h, &link.U_over_D.linear.0, &joint.body.inertia);
         unroll!(k in 0 1 2 3 4 5 => {
             if !SPARSE || k == 0 || k == 3 || k == 5 {
                 m[k] += own.m[k].get();
@@ -182,69 +174,105 @@ impl<L: Lane> Outer<L> {
         self.force[0] = m[1].mul_add(y_rate, m[0] * x_rate);
         self.force[1] = m[3].mul_add(y_rate, m[1] * x_rate);
         self.force[2] = m[4].mul_add(y_rate, m[2] * x_rate);
+        let (x, z) = link.screws(parameters);
         let m = z.linear_to_parent(&m, &mut self.of_screw);
         self.inertia.m = x.linear_to_parent(&m, &mut self.of_placement);
     }
 
-    /// Coupling block.
+    /// Coupling block, and linear part of `p_A + I_a c + U u / D`.
     #[inline(always)]
     fn coupling<P: Param<L>, B: Param<L>, const SPARSE: bool>(
         &mut self,
-        own: &SpatialInertia<B>,
-        z: &Screw<L, P, 2>,
-        x: &Screw<P, P, 0>,
+        joint: &JointTerms<P, B>,
+        parameters: &DhParameters<P>,
         link: &LinkScratch<L>,
     ) {
-        let (mut h, j, s) = (self.inertia.h, &self.inertia.j, &link.U_over_D.linear.0);
-        let [x_rate, y_rate, x_turn, y_turn] = link.c;
-        let p = &mut self.p.linear.0;
+        let Outer { inertia: SpatialInertia { m, h, j }, p, of_screw, of_placement, force, moment } = self;
+        let ([x_rate, y_rate, x_turn, y_turn], own) = (&link.c, &joint.body.inertia);
+        let mut rows = [[L::zero(); 3]; 3];
+        // Each number is read where it is used: the compiler would move none past a number that is written.
         unroll!(i in 0 1 2 => {
+            let s = link.U_over_D.linear.0[i];
+            let of_p = h[i][2].mul_add(link.u_over_D, link.p.linear.0[i] + p.linear.0[i]);
+            let mut row = h[i];
             if !SPARSE || i != 0 {
-                h[i][0] += own.h[i][0].get();
+                row[0] += own.h[i][0].get();
             }
             if !SPARSE || i != 1 {
-                h[i][1] += own.h[i][1].get();
+                row[1] += own.h[i][1].get();
             }
-            h[i][0] = s[i].neg_mul_add(j[2], h[i][0]);
-            h[i][1] = s[i].neg_mul_add(j[4], h[i][1]);
-            h[i][2] = s[i].neg_mul_add(j[5], h[i][2]);
-            p[i] = (self.force[i] + h[i][1].mul_add(y_turn, h[i][0] * x_turn)) + p[i];
+            row[0] = s.neg_mul_add(j[2], row[0]);
+            row[1] = s.neg_mul_add(j[4], row[1]);
+            row[2] = s.neg_mul_add(j[5], row[2]);
+            p.linear.0[i] = (force[i] + row[1].mul_add(*y_turn, row[0] * *x_turn)) + of_p;
+            rows[i] = row;
         });
         unroll!(k in 0 1 2 => {
-            self.moment[k] = h[1][k].mul_add(y_rate, h[0][k] * x_rate);
+            moment[k] = rows[1][k].mul_add(*y_rate, rows[0][k] * *x_rate);
         });
-        let h = z.coupling_to_parent(&h, &mut self.of_screw);
-        self.inertia.h = x.coupling_to_parent(&h, &mut self.of_placement);
+        let (x, z) = link.screws(parameters);
+        let moved = z.coupling_to_parent(&rows, m, of_screw);
+        *h = x.coupling_to_parent(&moved, m, of_placement);
     }
 
-    /// Angular block.
+    /// Angular block, angular part of `p_A + I_a c + U u / D`, and that wrench in the parent's frame.
     #[inline(always)]
     fn angular<P: Param<L>, B: Param<L>, const SPARSE: bool>(
         &mut self,
-        own: &SpatialInertia<B>,
-        z: &Screw<L, P, 2>,
-        x: &Screw<P, P, 0>,
+        joint: &JointTerms<P, B>,
+        parameters: &DhParameters<P>,
         link: &LinkScratch<L>,
     ) {
-        let (mut j, s) = (self.inertia.j, &link.U_over_D.angular.0);
-        let t = [j[2], j[4], j[5]];
-        j[0] += own.j[0].get();
-        j[3] += own.j[3].get();
+        let Outer { inertia: SpatialInertia { j, .. }, p, of_screw, of_placement, moment, .. } = self;
+        let (s, own) = (&link.U_over_D.angular.0, &joint.body.inertia);
+        let (mut i, t) = (*j, [j[2], j[4], j[5]]);
+        i[0] += own.j[0].get();
+        i[3] += own.j[3].get();
         if !SPARSE {
-            j[1] += own.j[1].get();
+            i[1] += own.j[1].get();
         }
-        j[0] = s[0].neg_mul_add(t[0], j[0]);
-        j[1] = s[0].neg_mul_add(t[1], j[1]);
-        j[2] = s[0].neg_mul_add(t[2], j[2]);
-        j[3] = s[1].neg_mul_add(t[1], j[3]);
-        j[4] = s[1].neg_mul_add(t[2], j[4]);
-        j[5] = s[2].neg_mul_add(t[2], j[5]);
-        let [_, _, x_turn, y_turn] = link.c;
-        let p = &mut self.p.angular.0;
-        p[0] = (j[1].mul_add(y_turn, j[0] * x_turn) + self.moment[0]) + p[0];
-        p[1] = (j[3].mul_add(y_turn, j[1] * x_turn) + self.moment[1]) + p[1];
-        p[2] = (j[4].mul_add(y_turn, j[2] * x_turn) + self.moment[2]) + p[2];
-        let j = z.angular_to_parent(&j, &self.of_screw);
-        self.inertia.j = x.angular_to_parent(&j, &self.of_placement);
+        i[0] = s[0].neg_mul_add(t[0], i[0]);
+        i[1] = s[0].neg_mul_add(t[1], i[1]);
+        i[2] = s[0].neg_mul_add(t[2], i[2]);
+        i[3] = s[1].neg_mul_add(t[1], i[3]);
+        i[4] = s[1].neg_mul_add(t[2], i[4]);
+        i[5] = s[2].neg_mul_add(t[2], i[5]);
+        let ([_, _, x_turn, y_turn], rows) = (link.c, [[i[0], i[1]], [i[1], i[3]], [i[2], i[4]]]);
+        let mut p_a = *p;
+        unroll!(k in 0 1 2 => {
+            let of_p = t[k].mul_add(link.u_over_D, link.p.angular.0[k] + p.angular.0[k]);
+            p_a.angular.0[k] = (rows[k][1].mul_add(y_turn, rows[k][0] * x_turn) + moment[k]) + of_p;
+        });
+        let (x, z) = link.screws(parameters);
+        *j = x.angular_to_parent(&z.angular_to_parent(&i, of_screw), of_placement);
+        *p = x.co_adjoint_apply_inverse(z.co_adjoint_apply_inverse(p_a));
+    }
+}
+
+/// A joint that is not common, with branches that start at its link, and the branch that starts with it.
+pub(super) struct Across<'a, L: Lane, P, B, const SPARSE: bool, const GEARED: bool> {
+    pub outer: &'a mut Outer<L>,
+    pub branches: &'a mut Branches<L>,
+    pub joint: &'a JointTerms<P, B>,
+    pub tau: L,
+    pub at: (&'a ArmLoads<L>, usize, L),
+    pub link: &'a mut LinkScratch<L>,
+}
+
+impl<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: bool> Routine<L>
+    for Across<'_, L, P, B, SPARSE, GEARED>
+{
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { outer, branches, joint, tau, at, link } = self;
+        if joint.branch.forks {
+            cold_path();
+            branches.take(at.1 + 1, &mut outer.inertia, &mut outer.p);
+        }
+        outer.across::<_, _, SPARSE, GEARED>(joint, *tau, *at, link);
+        if let Some(carrier) = joint.branch.carrier {
+            cold_path();
+            branches.add(carrier, &mut outer.inertia, &mut outer.p);
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::place::Place;
 use crate::contact::{ContactTerms, Distance, RelativeMotion, ShapeTerms, SphereTerms, contact_force};
 use crate::lane::{Lane, Param, Routine, get_all};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3};
-use crate::system::{JOINTS, JointScrew, JointTerms, System, WORLD};
+use crate::system::{JOINTS, JointTerms, System, WORLD};
 
 /// Places and motion of the bodies in the world, and the wrenches of contacts on them.
 #[derive(Debug, Clone)]
@@ -71,17 +71,14 @@ fn pose_in_carrier<L: Lane, P: Param<L>, B>(joint: &JointTerms<P, B>, link: &Lin
     // By columns.
     let mut pose = Pose::identity();
     let ([o, i], [s, c]) = ([L::zero(), L::c(1.0)], link.screw);
-    match joint.screw {
-        JointScrew::Revolute { d } => {
-            pose.rotation.0 = [[c, s, o], [-s, c, o], [o, o, i]];
-            if let Some(d) = d {
-                pose.position.0[2] = d.get();
-            }
-        }
-        JointScrew::Prismatic { sin, cos } => {
-            let (sin, cos) = (sin.get(), cos.get());
-            pose.rotation.0 = [[cos, sin, o], [-sin, cos, o], [o, o, i]];
-            pose.position.0[2] = s;
+    if let Some([sin, cos]) = joint.screw.theta {
+        let (sin, cos) = (sin.get(), cos.get());
+        pose.rotation.0 = [[cos, sin, o], [-sin, cos, o], [o, o, i]];
+        pose.position.0[2] = s;
+    } else {
+        pose.rotation.0 = [[c, s, o], [-s, c, o], [o, o, i]];
+        if let Some(d) = joint.screw.d {
+            pose.position.0[2] = d.get();
         }
     }
     joint.placement.pose_to_parent(&mut pose);

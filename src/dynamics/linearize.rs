@@ -127,16 +127,15 @@ fn accelerations_along(
             scratch: &mut scratch,
         });
     }
+    let terms = system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces });
     let instant = Instant {
         is_start: true,
         gravity: gravity - pull,
         twist,
         q: &q,
         qd: &qd,
-        wrench: wrench
-            + scratch.contact.vehicle
-            + system.terms.wrench(&TermInstant { twist, gravity, fins: &surfaces }),
-        fixed_rate: lie::Vector3::zero() - pull,
+        wrench: &(wrench + scratch.contact.vehicle + terms),
+        fixed_rate: system.fixed.then_some(lie::Vector3::zero() - pull),
         time: zero,
         elapsed: zero,
     };

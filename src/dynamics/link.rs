@@ -11,10 +11,10 @@ use super::articulation::Outer;
 use super::branches::Branches;
 use super::contact::ContactScratch;
 use super::place::WaterFrame;
-use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
-use crate::lie::{Pose, Vector3, Vector6};
-use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
-use crate::system::{JOINTS, JointPlacement, JointScrew, JointTerms};
+use crate::lane::{Lane, Param, is_far, sin_cos, sin_cos_beyond, sin_cos_near};
+use crate::lie::{Vector3, Vector6};
+use crate::spatial::{SpatialInertia, screw_z};
+use crate::system::{JOINTS, JointTerms};
 
 /// Intermediate results of the passes at a link.
 #[derive(Debug, Clone, Copy)]
@@ -111,7 +111,7 @@ impl<L: Lane> Default for Scratch<L> {
 /// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` of a revolute joint, `[omega x e_z; 0] q'` of a prismatic one; x and y of
 /// both parts, the others vanish.
 #[inline(always)]
-fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
+pub(super) fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
     let (v, w) = (twist.linear.0, twist.angular.0);
     let (x, y) = (w[1] * qd, -(w[0] * qd));
     if prismatic {
@@ -134,12 +134,11 @@ pub(super) fn add_joint_rate<L: Lane, P: Copy, B>(
     mut twist: Vector6<L>,
     qd: L,
 ) -> Vector6<L> {
-    match joint.screw {
-        JointScrew::Revolute { .. } => twist.angular.0[2] += qd,
-        JointScrew::Prismatic { .. } => {
-            cold_path();
-            twist.linear.0[2] += qd;
-        }
+    if joint.is_prismatic() {
+        cold_path();
+        twist.linear.0[2] += qd;
+    } else {
+        twist.angular.0[2] += qd;
     }
     twist
 }
@@ -153,42 +152,87 @@ pub(super) fn joint_screws<L: Lane, P: Param<L>, B>(
     q: &[L; JOINTS],
     links: &mut [LinkScratch<L>],
 ) {
-    for i in 0..joints.len().min(links.len()) {
+    let n = joints.len().min(links.len());
+    if is_start {
+        for i in 0..n {
+            let (joint, link) = (&joints[i], &mut links[i]);
+            let coordinate = joint.offset.get() + q[i];
+            let (sin, cos) = sin_cos(coordinate);
+            link.start = [coordinate, sin, cos];
+            link.screw = [sin, cos];
+            if joint.is_prismatic() {
+                cold_path();
+                link.screw = [coordinate; 2];
+            }
+        }
+        return;
+    }
+    let mut farthest = L::zero();
+    for i in 0..n {
         let (joint, link) = (&joints[i], &mut links[i]);
         let coordinate = joint.offset.get() + q[i];
-        link.screw = match joint.screw {
-            JointScrew::Revolute { .. } if is_start => {
-                let (sin, cos) = sin_cos(coordinate);
-                link.start = [coordinate, sin, cos];
-                [sin, cos]
+        let (near, square) = sin_cos_near(coordinate, link.start);
+        link.screw = near;
+        farthest = square.max(farthest);
+        if joint.is_prismatic() {
+            cold_path();
+            link.screw = [coordinate; 2];
+        }
+    }
+    if L::any(is_far(farthest)) {
+        cold_path();
+        for i in 0..n {
+            let (joint, link) = (&joints[i], &mut links[i]);
+            if !joint.is_prismatic() {
+                link.screw = sin_cos_beyond(joint.offset.get() + q[i], link.start, link.screw);
             }
-            JointScrew::Revolute { .. } => sin_cos_near(coordinate, link.start).into(),
-            JointScrew::Prismatic { .. } => {
-                cold_path();
-                [coordinate; 2]
-            }
-        };
+        }
     }
 }
 
 /// Evaluates `$work` with the joint's screw about its axis.
 macro_rules! with_screw {
     ($link:expr, $joint:expr, |$screw:ident| $work:expr) => {
-        match $joint.screw {
-            JointScrew::Revolute { d } => {
-                let $screw = screw_z($link.screw[0], $link.screw[1], d);
-                $work
-            }
-            JointScrew::Prismatic { sin, cos } => {
-                cold_path();
-                let $screw = screw_z(sin, cos, Some($link.screw[0]));
-                $work
-            }
+        if let Some([sin, cos]) = $joint.screw.theta {
+            cold_path();
+            let $screw = screw_z(sin, cos, Some($link.screw[0]));
+            $work
+        } else {
+            let $screw = screw_z($link.screw[0], $link.screw[1], $joint.screw.d);
+            $work
         }
     };
 }
 
 impl<L: Lane> LinkScratch<L> {
+    /// Rate of the link's twist and acceleration of its joint, from the rate of its parent's twist at its frame.
+    #[inline(always)]
+    pub fn accelerate(&self, parent: Vector6<L>, prismatic: bool, geared: bool) -> (Vector6<L>, L) {
+        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (parent.linear.0, parent.angular.0);
+        (vx, vy) = (vx + self.c[0], vy + self.c[1]);
+        (wx, wy) = (wx + self.c[2], wy + self.c[3]);
+        let ([sx, sy, sz], [tx, ty, tz]) = (self.U_over_D.linear.0, self.U_over_D.angular.0);
+        // The link's acceleration along its joint is `(u - U^T ...) / D`, independent of the parent's there. Two partial sums,
+        // starting with the component that the joint's rotation leaves unchanged: this is the latency chain of the pass.
+        let first = if prismatic {
+            cold_path();
+            tz.neg_mul_add(wz, self.u_over_D)
+        } else {
+            sz.neg_mul_add(vz, self.u_over_D)
+        };
+        let along = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
+        // Both entries are bound anew: a reference to one of them would send both through memory.
+        let (vz, wz, qdd) = if prismatic {
+            cold_path();
+            let along = if geared { self.J_over_D.mul_add(vz, along) } else { along };
+            (along, wz, along - vz)
+        } else {
+            let along = if geared { self.J_over_D.mul_add(wz, along) } else { along };
+            (vz, along, along - wz)
+        };
+        (Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) }, qdd)
+    }
+
     /// Gravity and twist in this link's frame from gravity and twist in its parent's; sets c.
     #[inline(always)]
     pub fn outward<P: Param<L>, B>(
@@ -222,6 +266,18 @@ impl<L: Lane> LinkScratch<L> {
         joint.placement.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
     }
 
+    /// Articulated inertia I_a and bias wrench p_a in this link's frame, from its I_A and p_A, under the torque `tau` of a revolute
+    /// joint with a rotor of inertia `J`. Sets U, u and J over D.
+    #[inline(always)]
+    pub fn free(&mut self, I_A: &SpatialInertia<L>, p_A: Vector6<L>, J: L, tau: L) -> (SpatialInertia<L>, Vector6<L>) {
+        let U = I_A.column::<5>();
+        let one_over_D = L::c(1.0) / (U.angular.0[2] + J);
+        (self.J_over_D, self.u_over_D) = (J * one_over_D, (tau - p_A.angular.0[2]) * one_over_D);
+        self.U_over_D = U.scale(one_over_D);
+        let I_a = I_A.eliminated(U, one_over_D);
+        (I_a, I_a.apply(with_zeros(self.c)) + U.scale_add(self.u_over_D, p_A))
+    }
+
     /// Articulated inertia I_a and bias wrench p_a in the parent's frame, from I_A and p_A of this link and the drive of its joint.
     /// Sets U, u and J over D. A prescribed acceleration is the limit of an infinite J.
     #[inline(always)]
@@ -232,15 +288,12 @@ impl<L: Lane> LinkScratch<L> {
         p_A: Vector6<L>,
         drive: Drive<L>,
     ) -> (SpatialInertia<L>, Vector6<L>) {
-        let (U, along, p_along) = match joint.screw {
-            JointScrew::Revolute { .. } => {
-                let U = I_A.column::<5>();
-                (U, U.angular.0[2], p_A.angular.0[2])
-            }
-            JointScrew::Prismatic { .. } => {
-                let U = I_A.column::<2>();
-                (U, U.linear.0[2], p_A.linear.0[2])
-            }
+        let (U, along, p_along) = if joint.is_prismatic() {
+            let U = I_A.column::<2>();
+            (U, U.linear.0[2], p_A.linear.0[2])
+        } else {
+            let U = I_A.column::<5>();
+            (U, U.angular.0[2], p_A.angular.0[2])
         };
         let one_over_D;
         (one_over_D, self.J_over_D, self.u_over_D) = match drive {
@@ -268,81 +321,5 @@ impl<L: Lane> LinkScratch<L> {
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {
         joint.placement.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
-    }
-}
-
-impl<P: Copy> JointPlacement<P> {
-    /// Twist at the joint's frame at zero from the parent's.
-    #[inline(always)]
-    fn twist_from_parent<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
-    where
-        P: Param<L>,
-    {
-        match *self {
-            JointPlacement::Dh(bend, a) => screw_x(bend, a).adjoint_apply_inverse(twist),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                screw_x(bend, a).adjoint_apply_inverse(constant_screw_z(turn, d).adjoint_apply_inverse(twist))
-            }
-            JointPlacement::General(ref r, ref p) => {
-                cold_path();
-                Pose::of(r, p).adjoint_apply_inverse(twist)
-            }
-        }
-    }
-
-    /// Vector in the joint's axes at zero and twist at the joint's frame at zero, from the parent's.
-    #[inline(always)]
-    fn both_from_parent<L: Lane>(&self, v: Vector3<L>, twist: Vector6<L>) -> (Vector3<L>, Vector6<L>)
-    where
-        P: Param<L>,
-    {
-        match *self {
-            JointPlacement::Dh(bend, a) => screw_x(bend, a).both_from_parent(v, twist),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                let (v, twist) = constant_screw_z(turn, d).both_from_parent(v, twist);
-                screw_x(bend, a).both_from_parent(v, twist)
-            }
-            JointPlacement::General(ref r, ref p) => {
-                cold_path();
-                let pose = Pose::of(r, p);
-                (pose.rotation.apply_transposed(v), pose.adjoint_apply_inverse(twist))
-            }
-        }
-    }
-
-    /// Inertia in the parent's frame from the inertia in the joint's frame at zero.
-    #[inline(always)]
-    pub(super) fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
-    where
-        P: Param<L>,
-    {
-        match *self {
-            JointPlacement::Dh(bend, a) => screw_x(bend, a).inertia_to_parent(inertia),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                constant_screw_z(turn, d).inertia_to_parent(&screw_x(bend, a).inertia_to_parent(inertia))
-            }
-            JointPlacement::General(ref r, ref p) => {
-                cold_path();
-                inertia.to_parent(&Pose::of(r, p))
-            }
-        }
-    }
-
-    /// Wrench at the parent's frame from the wrench at the joint's frame at zero.
-    #[inline(always)]
-    pub(super) fn wrench_to_parent<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
-    where
-        P: Param<L>,
-    {
-        match *self {
-            JointPlacement::Dh(bend, a) => screw_x(bend, a).co_adjoint_apply_inverse(wrench),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                constant_screw_z(turn, d).co_adjoint_apply_inverse(screw_x(bend, a).co_adjoint_apply_inverse(wrench))
-            }
-            JointPlacement::General(ref r, ref p) => {
-                cold_path();
-                Pose::of(r, p).co_adjoint_apply_inverse(wrench)
-            }
-        }
     }
 }

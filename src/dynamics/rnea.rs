@@ -15,7 +15,7 @@ use super::link::{add_joint_rate, joint_screws, with_zeros};
 use super::place::WaterFrame;
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
-use crate::system::{BodyTerms, JOINTS, JointScrew, System};
+use crate::system::{BodyTerms, JOINTS, System};
 
 /// Coordinates, rates and accelerations of the joints.
 pub type JointMotion<'a, L> = [&'a [L; JOINTS]; 3];
@@ -55,10 +55,7 @@ pub fn inverse_dynamics<L: Lane, P: Param<L>, B: Param<L>>(
     for i in (0..joints.len()).rev() {
         let (joint, link) = (&joints[i], &links[i]);
         let F = link.p + children;
-        torques[i] = match joint.screw {
-            JointScrew::Revolute { .. } => F.angular.0[2],
-            JointScrew::Prismatic { .. } => F.linear.0[2],
-        };
+        torques[i] = if joint.is_prismatic() { F.linear.0[2] } else { F.angular.0[2] };
         if let Some(inertia) = joint.rotor_inertia {
             torques[i] += inertia.get() * qdd[i];
         }

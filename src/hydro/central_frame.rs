@@ -125,15 +125,13 @@ impl<P: Copy> CentralFrameTerms<P> {
         let [mx, my, mz]: [L; 3] = get_all(&self.masses);
         let [gx, gy, gz]: [L; 3] = get_all(&self.gyration);
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
+        let mut sum = self.damping_wrench(v, w);
         // omega x J omega
-        let mut moment = self.damping_force(3, w).0;
+        let moment = &mut sum.angular.0;
         moment[0] = (w.0[1] * w.0[2]).mul_add(gx, moment[0]);
         moment[1] = (w.0[2] * w.0[0]).mul_add(gy, moment[1]);
         moment[2] = (w.0[0] * w.0[1]).mul_add(gz, moment[2]);
-        Vector6 {
-            linear: w.cross_add(momentum, self.damping_force(0, v)),
-            angular: v.cross_add(momentum, Vector3(moment)),
-        }
+        Vector6 { linear: w.cross_add(momentum, sum.linear), angular: v.cross_add(momentum, sum.angular) }
     }
 
     /// Adds the gyroscopic moment of the products of inertia.
@@ -150,17 +148,17 @@ impl<P: Copy> CentralFrameTerms<P> {
         }
     }
 
-    /// `(D_L + D_Q |v|) v` for three entries, starting at `first`.
+    /// `(D_L + D_Q |V|) V`
     #[inline(always)]
-    fn damping_force<L: Lane>(&self, first: usize, v: Vector3<L>) -> Vector3<L>
+    fn damping_wrench<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
-        let Some([linear, quadratic]) = &self.damping else { return Vector3::zero() };
-        let mut out = v.0;
-        unroll!(k in 0 1 2 => {
-            out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
+        let Some([linear, quadratic]) = &self.damping else { return Vector6::zero() };
+        let mut out = [v.0[0], v.0[1], v.0[2], w.0[0], w.0[1], w.0[2]];
+        unroll!(k in 0 1 2 3 4 5 => {
+            out[k] = quadratic[k].get().mul_add(out[k].abs(), linear[k].get()) * out[k];
         });
-        Vector3(out)
+        Vector6::from_array(out)
     }
 }

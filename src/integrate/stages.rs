@@ -27,6 +27,14 @@ pub(super) struct Point<L> {
     pub twist: Vector6<L>,
 }
 
+impl<L: Lane> Point<L> {
+    /// Zeros.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() }
+    }
+}
+
 /// Weights of a stage's point or of the step's end.
 pub(super) struct Weights<'a> {
     /// Its time as a fraction of the step.
@@ -75,41 +83,33 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     #[inline(always)]
     pub(super) fn weigh(&mut self, weights: &Weights, n: usize, h: L, keeps: bool, from: &Motion<L, N>) -> Point<L> {
         let [speeds, places] = weights.support;
-        let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        for i in 0..speeds.count() {
-            let j = speeds.stage(i);
-            let weight = h * L::c(weights.speed[j]);
-            sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-            sum.pose = self.pose[j].scale_add(weight, sum.pose);
-            if keeps {
-                sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
-            }
-        }
-        sum.twist = from.twist + sum.twist;
-        // The classical tableau's sums separately: with a constant number of stages a joint's sum stays in a register.
+        // The classical tableau's sums separately: with a constant number of stages sums stay in registers.
         match (speeds.as_slice(), places.as_slice()) {
-            (&[a], &[]) => self.weigh_joints([a], [], weights, n, h, from),
-            (&[a], &[b]) => self.weigh_joints([a], [b], weights, n, h, from),
-            (&[a, b, c, d], &[e, f, g]) => self.weigh_joints([a, b, c, d], [e, f, g], weights, n, h, from),
-            _ => self.weigh_joints_by_stages(weights, n, h, from),
+            (&[a], &[]) => self.weigh_stages([a], [], weights, n, h, keeps, from),
+            (&[a], &[b]) => self.weigh_stages([a], [b], weights, n, h, keeps, from),
+            (&[a, b, c, d], &[e, f, g]) => self.weigh_stages([a, b, c, d], [e, f, g], weights, n, h, keeps, from),
+            _ => self.weigh_any(weights, n, h, keeps, from),
         }
-        sum
     }
 
-    /// The joints' part of [`Self::weigh`], with these stages in their speeds and in their places.
+    /// [`Self::weigh`] with these stages in the speeds and in the places.
+    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
-    fn weigh_joints<const S: usize, const P: usize>(
+    fn weigh_stages<const S: usize, const P: usize>(
         &mut self,
         speeds: [usize; S],
         places: [usize; P],
         weights: &Weights,
         n: usize,
         h: L,
+        keeps: bool,
         from: &Motion<L, N>,
-    ) {
-        let (mut speed, mut place) = ([L::zero(); S], [L::zero(); P]);
+    ) -> Point<L> {
+        let (mut speed, mut place, mut sum) = ([L::zero(); S], [L::zero(); P], Point::zero());
         for i in 0..S {
-            speed[i] = h * L::c(weights.speed[speeds[i].min(STAGES - 1)]);
+            let j = speeds[i].min(STAGES - 1);
+            speed[i] = h * L::c(weights.speed[j]);
+            self.add(j, speed[i], keeps, &mut sum);
         }
         for i in 0..P {
             place[i] = h * h * L::c(weights.place[places[i].min(STAGES - 1)]);
@@ -126,12 +126,14 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             self.q_at[k] = q + from.q[k];
             self.qd_at[k] = qd + from.qd[k];
         }
+        sum.twist = from.twist + sum.twist;
+        sum
     }
 
     /// The same for any stages. Joints in the inner loop: otherwise every joint would iterate over the support again.
     #[inline(always)]
-    fn weigh_joints_by_stages(&mut self, weights: &Weights, n: usize, h: L, from: &Motion<L, N>) {
-        let [speeds, places] = weights.support;
+    fn weigh_any(&mut self, weights: &Weights, n: usize, h: L, keeps: bool, from: &Motion<L, N>) -> Point<L> {
+        let ([speeds, places], mut sum) = (weights.support, Point::zero());
         let (way, h2) = (h * L::c(weights.time), h * h);
         for k in 0..n {
             self.q_at[k] = from.qd[k] * way;
@@ -140,6 +142,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         for i in 0..speeds.count() {
             let j = speeds.stage(i);
             let weight = h * L::c(weights.speed[j]);
+            self.add(j, weight, keeps, &mut sum);
             for k in 0..n {
                 self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
             }
@@ -154,6 +157,18 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         for k in 0..n {
             self.q_at[k] += from.q[k];
             self.qd_at[k] += from.qd[k];
+        }
+        sum.twist = from.twist + sum.twist;
+        sum
+    }
+
+    /// Adds the rates of stage `j`, without its joints, times a weight.
+    #[inline(always)]
+    fn add(&self, j: usize, weight: L, keeps: bool, sum: &mut Point<L>) {
+        sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
+        sum.pose = self.pose[j].scale_add(weight, sum.pose);
+        if keeps {
+            sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
         }
     }
 

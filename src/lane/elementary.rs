@@ -1,7 +1,5 @@
 //! Elementary functions in lanes: the same polynomials, hence the same bits, at every width.
 
-use std::hint::cold_path;
-
 use super::number::{Lane, Real};
 
 /// `c[0] + c[1] x + c[2] x^2 + ...`
@@ -73,16 +71,16 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
 
-/// Maximum distance at which [`sin_cos_near`] uses the addition theorem.
+/// Maximum distance for [`sin_cos_near`].
 const NEAR: f64 = 1.0 / 16.0;
 /// Taylor coefficients of (sin d / d - 1) / d^2 and of (cos d - 1) / d^2 in d^2: good to rounding of 1 for |d| < [`NEAR`].
 const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
 
-/// Sine and cosine of x from sine and cosine of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; by
-/// [`sin_cos`] beyond `NEAR`. The choice is made per lane.
+/// Sine and cosine of x from sine and cosine of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; and the
+/// square of their distance, for [`is_far`].
 #[inline(always)]
-pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
+pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> ([L; 2], L) {
     let d = x - number;
     let z = d * d;
     let (sine, less) = if const { L::Real::SINGLE } {
@@ -91,14 +89,21 @@ pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
         (horner(z, &SHORT_SIN), horner(z, &SHORT_COS))
     };
     let (sine, less) = ((z * d).mul_add(sine, d), z * less);
-    let mut out = (cos.mul_add(sine, sin.mul_add(less, sin)), sin.neg_mul_add(sine, cos.mul_add(less, cos)));
-    let far = L::c(NEAR * NEAR).lt(z);
-    if L::any(far) {
-        cold_path();
-        let (sin, cos) = sin_cos(x);
-        out = (L::select(far, sin, out.0), L::select(far, cos, out.1));
-    }
-    out
+    ([cos.mul_add(sine, sin.mul_add(less, sin)), sin.neg_mul_add(sine, cos.mul_add(less, cos))], z)
+}
+
+/// True where the square of a distance is beyond the range of [`sin_cos_near`].
+#[inline(always)]
+pub fn is_far<L: Lane>(square: L) -> L::Mask {
+    L::c(NEAR * NEAR).lt(square)
+}
+
+/// Results of [`sin_cos_near`], replaced by [`sin_cos`] in lanes where the numbers are too far apart.
+#[inline(always)]
+pub fn sin_cos_beyond<L: Lane>(x: L, [number, ..]: [L; 3], near: [L; 2]) -> [L; 2] {
+    let (d, (sin, cos)) = (x - number, sin_cos(x));
+    let far = is_far(d * d);
+    [L::select(far, sin, near[0]), L::select(far, cos, near[1])]
 }
 
 /// Constant of the inverse square root estimate: half of the number's bits are subtracted from it.

@@ -66,7 +66,9 @@ mod transpose;
 mod x86;
 
 pub use dual::Dual;
-pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
+pub use elementary::{
+    atan2, exp, first, horner, inverse_sqrt, is_far, ln, ln_1p, sin_cos, sin_cos_beyond, sin_cos_near, tanh,
+};
 pub use function::{Function, differentiate, evaluate};
 pub use isa::{Isa, UnknownIsa};
 pub use number::{Kernel, Lane, Real, Routine};

@@ -3,13 +3,13 @@
 //! Together they are [`Screw::inertia_to_parent`], with the same bits. A block fits into the registers of every instruction set,
 //! a whole inertia only into those of AVX-512 and NEON.
 
-use super::Screw;
+use super::{LinkTwist, Screw};
 use crate::lane::{Lane, Param};
 
 /// Numbers of earlier blocks that a translation needs for later ones.
 #[derive(Debug, Clone, Copy)]
 pub struct EarlierBlocks<L> {
-    /// Linear block before the transform.
+    /// Linear block before the transform, of rotations by a general angle only.
     m: [L; 6],
     /// Sums over the coupling block before and after the translation.
     sums: [L; 5],
@@ -31,25 +31,48 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         T: Param<L>,
         S: Param<L>,
     {
-        if self.translation.is_some() {
+        if let (Some(_), LinkTwist::General(..)) = (self.translation, self.rotation) {
             earlier.m = *m;
         }
         self.rotate_symmetric::<L, false>(m)
     }
 
-    /// Coupling block in the parent frame; the second.
+    /// Coupling block in the parent frame; the second. `m` is the linear block there.
     #[inline(always)]
-    pub fn coupling_to_parent<L: Lane>(&self, h: &[[L; 3]; 3], earlier: &mut EarlierBlocks<L>) -> [[L; 3]; 3]
+    pub fn coupling_to_parent<L: Lane>(
+        &self,
+        h: &[[L; 3]; 3],
+        m: &[L; 6],
+        earlier: &mut EarlierBlocks<L>,
+    ) -> [[L; 3]; 3]
     where
         T: Param<L>,
         S: Param<L>,
     {
         let mut moved = *h;
         if let Some(d) = self.translation {
-            moved = Self::translate_coupling(&earlier.m, h, d.get());
+            moved = Self::translate_coupling(&self.before(m, earlier), h, d.get());
             earlier.sums = Self::sums(h, &moved);
         }
         self.rotate_full::<L, false>(&moved)
+    }
+
+    /// Linear block before the transform: rotations by right angles are taken back.
+    #[inline(always)]
+    fn before<L: Lane>(&self, m: &[L; 6], earlier: &EarlierBlocks<L>) -> [L; 6]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        match self.rotation {
+            LinkTwist::Deg0 => *m,
+            LinkTwist::Deg90 => {
+                let opposite = self.rotate_symmetric::<L, false>(&self.rotate_symmetric::<L, false>(m));
+                self.rotate_symmetric::<L, false>(&opposite)
+            }
+            LinkTwist::Deg180 => self.rotate_symmetric::<L, false>(m),
+            LinkTwist::General(..) => earlier.m,
+        }
     }
 
     /// Angular block in the parent frame; the third.

@@ -28,7 +28,7 @@ numbers! {
 /// they occupy no registers in between.
 #[derive(Debug, Clone, Copy)]
 pub struct Screw<T, S, const ALONG: usize> {
-    rotation: LinkTwist<T>,
+    pub(super) rotation: LinkTwist<T>,
     pub(super) translation: Option<S>,
 }
 

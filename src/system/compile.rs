@@ -7,7 +7,7 @@ use super::contact::contact_terms;
 use super::factors::UnscaledBodyTerms;
 use super::joint_frames::{Line, inverse, joint_frames, nonzero, placed, pose, tidy, vector};
 use super::model::{
-    Actuator, Branch, BreakAway, Detent, Friction, JointScrew, JointTerms, Limits, RareTerms, Servo, System,
+    Actuator, Branch, BreakAway, Detent, Friction, JointKind, JointScrew, JointTerms, Limits, RareTerms, Servo, System,
     VehicleServo, WORLD,
 };
 use super::propulsion::thrusters;
@@ -137,7 +137,8 @@ pub fn compile(scene: &Scene) -> Compiled {
             unscaled.push(of_body.map(Shared));
             let before = carriers[i] == i.checked_sub(1) && i < robot;
             let branches = (0..carriers.len()).any(|k| k != i + 1 && carriers[k] == Some(i));
-            JointTerms {
+            let joint = JointTerms {
+                kind: JointKind::Other,
                 branch: Branch {
                     carrier: if i >= robot {
                         Some(WORLD)
@@ -149,10 +150,9 @@ pub fn compile(scene: &Scene) -> Compiled {
                 placement: frame.placement,
                 offset: if prismatic { frame.d } else { frame.theta },
                 screw: if prismatic {
-                    let (sin, cos) = frame.theta.sin_cos();
-                    JointScrew::Prismatic { sin, cos }
+                    JointScrew { d: None, theta: Some(frame.theta.sin_cos().into()) }
                 } else {
-                    JointScrew::Revolute { d: nonzero(frame.d) }
+                    JointScrew { d: nonzero(frame.d), theta: None }
                 },
                 body,
                 rotor_inertia: (joint.prescribed || joint.rotor_inertia != 0.0).then_some(joint.rotor_inertia),
@@ -162,7 +162,8 @@ pub fn compile(scene: &Scene) -> Compiled {
                 servo: servo(joint),
                 effort: joint.effort,
                 rare: rare_terms(joint).map(Box::new),
-            }
+            };
+            JointTerms { kind: joint.kind(), ..joint }
         })
         .collect();
     let in_joint = |place: &Place| match (place.joint, place.frame) {

@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::compile::compile;
-use super::model::{JointPlacement, JointScrew, JointTerms};
+use super::model::{Before, JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
 use crate::description::Scene;
 use crate::lane::{Lane, Param, Routine, Shared, get_option, numbers, sin_cos};
@@ -118,12 +118,12 @@ impl<P: Copy> EndEffector<P> {
             i -= 1;
             let joint = &self.joints[i];
             let coordinate = q[joint.index] + joint.offset.get();
-            let screw = match joint.screw {
-                JointScrew::Revolute { d } => {
+            let screw = match joint.screw.theta {
+                Some([sin, cos]) => screw_z(sin.get(), cos.get(), Some(coordinate)),
+                None => {
                     let (sin, cos) = sin_cos(coordinate);
-                    screw_z(sin, cos, get_option(d))
+                    screw_z(sin, cos, get_option(joint.screw.d))
                 }
-                JointScrew::Prismatic { sin, cos } => screw_z(sin.get(), cos.get(), Some(coordinate)),
             };
             to_parent(&screw, pose);
             joint.placement.pose_to_parent(pose);
@@ -155,13 +155,11 @@ impl<P: Copy> JointPlacement<P> {
     where
         P: Param<L>,
     {
-        match *self {
-            JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), pose),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                to_parent(&screw_x(bend, a), pose);
-                to_parent(&constant_screw_z(turn, d), pose);
-            }
-            JointPlacement::General(rotation, position) => {
+        to_parent(&screw_x(self.twist, self.a), pose);
+        match self.before {
+            None => {}
+            Some(Before::Screw(turn, d)) => to_parent(&constant_screw_z(turn, d), pose),
+            Some(Before::Pose(rotation, position)) => {
                 let placement = Pose::of(&rotation, &position);
                 for k in 0..3 {
                     pose.rotation.0[k] = placement.rotation.apply(Vector3(pose.rotation.0[k])).0;

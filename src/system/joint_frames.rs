@@ -10,7 +10,7 @@ use crate::description::Frame;
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::LinkTwist;
 
-use super::model::JointPlacement;
+use super::model::{Before, JointPlacement};
 
 /// Axis line of a joint at q = 0, in the vehicle frame.
 #[derive(Debug, Clone, Copy)]
@@ -88,10 +88,7 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
         };
         let next = match (before, line.carrier) {
             (Some(parent), _) => match &normals[parent] {
-                Some(normal) => {
-                    let placement = JointPlacement::Dh(link_twist(normal.sin, normal.cos), nonzero(normal.length()));
-                    by_normal(normal, *line, pose, placement)
-                }
+                Some(normal) => by_normal(normal, *line, pose, None),
                 None => by_pose(&inverse(&frames[parent].pose).times(&pose), pose),
             },
             (None, None) => by_z_axis(*line, pose),
@@ -115,17 +112,18 @@ fn by_z_axis(line: Line, pose: Pose<f64>) -> JointFrame {
     // Without the rounding of a direction along x or y.
     let [cos, sin] = [0, 1].map(|k| normal.direction.0[k]).map(|x| if x.abs() < PARALLEL { 0.0 } else { x });
     let turn = if sin == 0.0 && cos > 0.0 { LinkTwist::Deg0 } else { LinkTwist::General(sin, cos) };
-    let (d, a) = (nonzero(normal.feet[0].0[2]), nonzero(normal.length()));
-    let placement = JointPlacement::DhWithOffset(turn, d, link_twist(normal.sin, normal.cos), a);
-    by_normal(&normal, line, pose, placement)
+    let d = nonzero(normal.feet[0].0[2]);
+    let before = (turn != LinkTwist::Deg0 || d.is_some()).then_some(Before::Screw(turn, d));
+    by_normal(&normal, line, pose, before)
 }
 
-/// A frame related to its parent by a common normal and a screw about its own z axis.
-fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, placement: JointPlacement<f64>) -> JointFrame {
+/// A frame related to its parent by a common normal, after another transform if there is one, and a screw about its own z axis.
+fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, before: Option<Before<f64>>) -> JointFrame {
     let x = Vector3(pose.rotation.transposed().0[0]);
+    let (twist, a) = (link_twist(normal.sin, normal.cos), nonzero(normal.length()));
     JointFrame {
         pose,
-        placement,
+        placement: JointPlacement { before, twist, a },
         theta: normal.direction.cross(x).dot(line.direction).atan2(normal.direction.dot(x)),
         d: (pose.position - normal.feet[1]).dot(line.direction),
     }
@@ -135,7 +133,11 @@ fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, placement: JointPlace
 fn by_pose(relative: &Pose<f64>, pose: Pose<f64>) -> JointFrame {
     JointFrame {
         pose,
-        placement: JointPlacement::General(relative.rotation.0, relative.position.0),
+        placement: JointPlacement {
+            before: Some(Before::Pose(relative.rotation.0, relative.position.0)),
+            twist: LinkTwist::Deg0,
+            a: None,
+        },
         theta: 0.0,
         d: 0.0,
     }

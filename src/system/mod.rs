@@ -22,8 +22,8 @@ pub use end_effector::EndEffector;
 pub use factors::UnscaledBodyTerms;
 pub use instance_system::InstanceSystem;
 pub use model::{
-    Actuator, BodyTerms, BreakAway, Detent, Friction, JointPlacement, JointScrew, JointTerms, Limits, RareTerms, Servo,
-    System, VehicleServo, WORLD,
+    Actuator, Before, BodyTerms, BreakAway, Detent, Friction, JointKind, JointPlacement, JointScrew, JointTerms,
+    Limits, RareTerms, Servo, System, VehicleServo, WORLD,
 };
 pub use state::{Flow, JOINTS, Joints, State};
 pub use structure::structural_difference;

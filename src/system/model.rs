@@ -68,13 +68,15 @@ numbers! {
     /// A joint and its link.
     #[derive(Debug, Clone, PartialEq)]
     pub struct JointTerms<P, B = P> {
+        /// Kind of joint, for the passes.
+        pub kind: JointKind<P>,
         /// Place in the tree.
         pub branch: Branch,
         /// Constant transform from the parent frame.
         pub placement: JointPlacement<P>,
         /// theta (revolute, rad) or d (prismatic, m) at q = 0.
         pub offset: P,
-        /// Kind of joint, with the constant part of its screw about z.
+        /// Constant part of its screw about z.
         pub screw: JointScrew<P>,
         /// Terms of the link.
         pub body: BodyTerms<B>,
@@ -92,6 +94,26 @@ numbers! {
         pub effort: Option<P>,
         /// Terms that few joints have, behind one test.
         pub rare: Option<Box<RareTerms<P>>>,
+    }
+}
+
+numbers! {
+    /// Kind of joint: passes choose their way by one test. Common joints are revolute, have a rotor, are free to move, start at the
+    /// body before them by Denavit-Hartenberg parameters alone, and nothing branches at their links.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum JointKind<P> {
+        /// Common: axis parallel to the one before it, at the distance a; no offset d.
+        Parallel(a: P),
+        /// Common: axis opposite to the one before it, at the distance a; no offset d.
+        Opposite(a: P),
+        /// Common: axis perpendicular to the one before it and through it; no offset d.
+        Perpendicular,
+        /// Common: axis perpendicular to the one before it, at the distance a; no offset d.
+        PerpendicularApart(a: P),
+        /// Common: any axis.
+        Common,
+        /// Not common.
+        Other,
     }
 }
 
@@ -192,34 +214,38 @@ impl<P: Copy> Actuator<P> {
 }
 
 numbers! {
-    /// Kind of joint, with the constant parameter of its screw `Rz(theta) Tz(d)`.
+    /// Constant parameters of a joint's screw `Rz(theta) Tz(d)`: theta of a revolute joint varies, d of a prismatic one.
     #[derive(Debug, Clone, Copy, PartialEq)]
-    pub enum JointScrew<P> {
-        /// theta varies; d is absent where it is 0.
-        Revolute {
-            /// Joint offset, m.
-            d: Option<P>,
-        },
-        /// d varies; theta is given by its sine and cosine.
-        Prismatic {
-            /// Sine of theta.
-            sin: P,
-            /// Cosine of theta.
-            cos: P,
-        },
+    pub struct JointScrew<P> {
+        /// d of a revolute joint, m; absent where it is 0.
+        pub d: Option<P>,
+        /// Sine and cosine of theta of a prismatic joint; absent for a revolute one.
+        pub theta: Option<[P; 2]>,
     }
 }
 
 numbers! {
-    /// Constant transform from the parent frame to the joint frame, before the joint's screw about z.
+    /// Constant transform from the parent frame to the joint frame, before the joint's screw about z: `Rx(alpha) Tx(a)` by modified
+    /// Denavit-Hartenberg parameters.
     #[derive(Debug, Clone, Copy, PartialEq)]
-    pub enum JointPlacement<P> {
-        /// Modified Denavit-Hartenberg parameters: `Rx(alpha) Tx(a)`; a is absent where it is 0.
-        Dh(twist: LinkTwist<P>, a: Option<P>),
-        /// `Rz(theta) Tz(d) Rx(alpha) Tx(a)` with constant theta and d, in this order.
-        DhWithOffset(turn: LinkTwist<P>, d: Option<P>, twist: LinkTwist<P>, a: Option<P>),
-        /// General pose: rotation by rows, position.
-        General(rows: [[P; 3]; 3], point: [P; 3]),
+    pub struct JointPlacement<P> {
+        /// Transform before these parameters, where there is one.
+        pub before: Option<Before<P>>,
+        /// alpha.
+        pub twist: LinkTwist<P>,
+        /// a, m; absent where it is 0.
+        pub a: Option<P>,
+    }
+}
+
+numbers! {
+    /// Transform before the Denavit-Hartenberg parameters of a joint.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum Before<P> {
+        /// `Rz(theta) Tz(d)`; d is absent where it is 0.
+        Screw(turn: LinkTwist<P>, d: Option<P>),
+        /// Pose, in place of the parameters: rotation by rows, position.
+        Pose(rows: [[P; 3]; 3], point: [P; 3]),
     }
 }
 
@@ -307,6 +333,22 @@ impl<B> BodyTerms<B> {
     }
 }
 
+impl<P: Copy, B> JointTerms<P, B> {
+    /// Kind by the other terms.
+    pub fn kind(&self) -> JointKind<P> {
+        let JointPlacement { before, twist, a } = &self.placement;
+        let free = !self.is_prismatic() && !self.prescribed && self.rotor_inertia.is_some();
+        match (self.branch == Branch::default() && before.is_none() && free, self.screw.d, twist, a) {
+            (true, None, LinkTwist::Deg0, Some(a)) => JointKind::Parallel(*a),
+            (true, None, LinkTwist::Deg180, Some(a)) => JointKind::Opposite(*a),
+            (true, None, LinkTwist::Deg90, None) => JointKind::Perpendicular,
+            (true, None, LinkTwist::Deg90, Some(a)) => JointKind::PerpendicularApart(*a),
+            (true, ..) => JointKind::Common,
+            (false, ..) => JointKind::Other,
+        }
+    }
+}
+
 impl<P, B> JointTerms<P, B> {
     /// Body that carries this joint of this index: 0 for the vehicle, k + 1 for the link of joint k; [`WORLD`].
     #[inline(always)]
@@ -317,6 +359,6 @@ impl<P, B> JointTerms<P, B> {
     /// True for a prismatic joint.
     #[inline(always)]
     pub fn is_prismatic(&self) -> bool {
-        matches!(self.screw, JointScrew::Prismatic { .. })
+        self.screw.theta.is_some()
     }
 }

@@ -86,8 +86,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
-                    wrench,
-                    fixed_rate: Vector3::zero() - pull,
+                    wrench: &wrench,
+                    fixed_rate: if system.fixed { Some(Vector3::zero() - pull) } else { None },
                     time: L::zero(),
                     elapsed: L::zero(),
                 };

@@ -51,6 +51,8 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub loads: &'a mut ArmLoads<L>,
     /// Wrench on the vehicle in body axes at the start of a step, N and N m.
     pub wrench: Vector6<L>,
+    /// [`Self::wrench_varies`]: one test for all that may add to `wrench`.
+    pub varies: bool,
     /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
     pub thrust: Option<(ThrustProfile<L>, L)>,
     /// Thrusts in still water in place of `thrust`, where inflow reduces them.
@@ -74,19 +76,23 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         std::hint::black_box(self.system)
     }
 
-    /// Inputs of the accelerations at a stage, under the loads of the time `elapsed` after the start of the interval.
+    /// True if the wrench on the vehicle varies within a step, or has parts besides `wrench`.
     #[inline(always)]
-    fn instant<'b>(
+    pub fn wrench_varies(system: &System<P>, station: &Option<StationServo<L>>) -> bool {
+        !system.thrusters.is_empty() || station.is_some() || system.terms.any() || system.contact.is_some()
+    }
+
+    /// Wrench on the vehicle at a stage, where it varies, at the time `elapsed` after the start of the interval.
+    #[inline(always)]
+    fn varying_wrench(
         &self,
         system: &System<P>,
         at: &impl StagePose<L>,
         elapsed: L,
-        (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
-    ) -> Instant<'b, L> {
-        let water = &self.scratch.water;
-        let gravity = at.to_body(water.gravity);
-        let fixed_rate = if system.fixed { at.to_body(water.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
-        let mut wrench = self.wrench;
+        gravity: Vector3<L>,
+        twist: Vector6<L>,
+    ) -> Vector6<L> {
+        let (mut wrench, water) = (self.wrench, &self.scratch.water);
         if let Some((course, rate)) = &self.thrust {
             wrench = wrench + course.change(elapsed * *rate);
         }
@@ -105,8 +111,15 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
             cold_path();
             wrench = wrench + self.scratch.contact.vehicle;
         }
-        let (is_start, time) = (at.is_start(), self.time + elapsed);
-        Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed }
+        wrench
+    }
+
+    /// Gravity at a stage and, for a fixed vehicle, the rate of its twist.
+    #[inline(always)]
+    fn pull(&self, system: &System<P>, at: &impl StagePose<L>) -> (Vector3<L>, Option<Vector3<L>>) {
+        let water = &self.scratch.water;
+        let rate = if system.fixed { Some(at.to_body(water.acceleration.scale(L::c(-1.0)))) } else { None };
+        (at.to_body(water.gravity), rate)
     }
 
     /// Wrenches of contacts at a stage, left in the scratch memory. Implicit steps are each the start of a step.
@@ -177,7 +190,16 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
         self.touch(system, at, (elapsed, at.is_start()), (twist, q, qd));
-        let instant = self.instant(system, at, elapsed, (twist, q, qd));
+        let (gravity, fixed_rate) = self.pull(system, at);
+        let varying;
+        let wrench = if self.varies {
+            varying = self.varying_wrench(system, at, elapsed, gravity, twist);
+            &varying
+        } else {
+            &self.wrench
+        };
+        let (is_start, time) = (at.is_start(), self.time + elapsed);
+        let instant = Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed };
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
@@ -197,7 +219,10 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         let mut sums = [L::zero(); JOINTS];
         let q = self.joints.coordinates(q, system.chain().len(), &mut sums);
         self.touch(system, at, (elapsed, true), (twist, q, qd));
-        let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
+        let (gravity, fixed_rate) = self.pull(system, at);
+        let wrench = &self.varying_wrench(system, at, elapsed + h, gravity, twist);
+        let (is_start, elapsed, time) = (at.is_start(), elapsed + h, self.time + (elapsed + h));
+        let instant = Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed };
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;
         implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);

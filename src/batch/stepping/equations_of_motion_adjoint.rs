@@ -174,8 +174,8 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
         let water = self.equations.scratch.water;
         let gravity = to_body(start, theta, water.gravity);
         let time = self.equations.time + elapsed;
-        let (none, fixed_rate) = (Vector6::zero(), Vector3::zero());
-        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench: none, fixed_rate, time, elapsed };
+        let (wrench, fixed_rate) = (&Vector6::zero(), None);
+        let instant = Instant { is_start: true, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed };
         let vehicle = if system.contact.is_some() || self.equations.station.is_some() {
             let pose = start.times(&exp_se3(theta));
             // Contacts act at the start of an implicit step, the servo at its end.

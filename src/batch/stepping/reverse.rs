@@ -183,6 +183,7 @@ impl<T: Real> Step<'_, T> {
             system,
             loads,
             wrench: Vector6::zero(),
+            varies: EquationsOfMotion::wrench_varies(system, &station),
             thrust: None,
             lossy: if system.has_inflow_losses() { Some((courses, over_h)) } else { None },
             station,

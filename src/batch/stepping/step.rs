@@ -309,6 +309,7 @@ impl<'a, T: Real> Step<'a, T> {
             system,
             loads: &mut memory.loads,
             wrench: constant,
+            varies: EquationsOfMotion::wrench_varies(system, &station),
             thrust: None,
             lossy: if system.has_inflow_losses() { Some((&mut memory.courses, over_h)) } else { None },
             station,

@@ -87,8 +87,8 @@ fn accelerations_of_duals_are_their_derivatives() {
             twist,
             q: &q,
             qd: &qd,
-            wrench: Vector6::zero(),
-            fixed_rate: Vector3::zero(),
+            wrench: &Vector6::zero(),
+            fixed_rate: None,
             time: L::zero(),
             elapsed: L::zero(),
         };

@@ -2,7 +2,7 @@
 
 use crate::lane::lanes;
 use crate::random_scene::Random;
-use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near};
+use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_beyond, sin_cos_near};
 
 /// `ln(a)`, `ln(1 + a)`, `atan2(b, a)` and `1 / sqrt(|a|)` of pairs; sine and cosine of `b` from sine and cosine of `a`.
 struct Functions<'a, T> {
@@ -16,7 +16,8 @@ impl<T: Real> Kernel<T> for Functions<'_, T> {
         for pairs in self.pairs.chunks_exact(L::LANES) {
             let [a, b] = [0, 1].map(|k| L::load(&pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>()));
             let (sin, cos) = sin_cos(a);
-            let (sin, cos) = sin_cos_near(b, [a, sin, cos]);
+            let start = [a, sin, cos];
+            let [sin, cos] = sin_cos_beyond(b, start, sin_cos_near(b, start).0);
             let results = [ln(a), ln_1p(a), atan2(b, a), inverse_sqrt(a.abs()), sin, cos].map(lanes);
             self.out.extend((0..L::LANES).map(|k| [0, 1, 2, 3, 4, 5].map(|f| results[f][k])));
         }

@@ -332,8 +332,8 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 twist: six(3),
                 q: &q,
                 qd: &qd,
-                wrench: six(9 + 2 * JOINTS),
-                fixed_rate: Vector3::zero(),
+                wrench: &six(9 + 2 * JOINTS),
+                fixed_rate: if self.system.fixed { Some(Vector3::zero()) } else { None },
                 time: L::zero(),
                 elapsed: L::zero(),
             };

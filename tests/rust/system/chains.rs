@@ -11,7 +11,7 @@ use uvms_gym::hydro::FrameRotation;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
 use uvms_gym::spatial::{BodyPoint, LinkTwist};
-use uvms_gym::system::{JointPlacement, JointScrew, State, compile};
+use uvms_gym::system::{Before, JointPlacement, JointScrew, State, compile};
 
 type Dense = na::Isometry3<f64>;
 
@@ -42,17 +42,17 @@ fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     let (mut frames, mut links) = (vec![na::Matrix4::<f64>::identity()], Vec::new());
     let length = |shift: Option<Shared<f64>>| shift.map_or(0.0, |Shared(x)| x);
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
-        let placement = match joint.placement {
-            JointPlacement::General(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
-            JointPlacement::Dh(bend, a) => screw(na::Vector3::x(), angle(bend), length(a)),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                screw(na::Vector3::z(), angle(turn), length(d)) * screw(na::Vector3::x(), angle(bend), length(a))
-            }
+        let JointPlacement { before, twist, a } = joint.placement;
+        let before = match before {
+            Some(Before::Pose(r, p)) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
+            Some(Before::Screw(turn, d)) => screw(na::Vector3::z(), angle(turn), length(d)),
+            None => na::Matrix4::identity(),
         };
+        let placement = before * screw(na::Vector3::x(), angle(twist), length(a));
         let coordinate = joint.offset.0 + q[i];
-        let (theta, d) = match joint.screw {
-            JointScrew::Revolute { d } => (coordinate, length(d)),
-            JointScrew::Prismatic { sin: Shared(sin), cos: Shared(cos) } => (sin.atan2(cos), coordinate),
+        let (theta, d) = match joint.screw.theta {
+            None => (coordinate, length(joint.screw.d)),
+            Some([Shared(sin), Shared(cos)]) => (sin.atan2(cos), coordinate),
         };
         let here = frames[joint.carrier(i)] * placement * screw(na::Vector3::z(), theta, d);
         frames.push(here);
@@ -194,20 +194,20 @@ fn ordinary_arms_compute_in_the_cheap_frames() {
         compile(scene).system.joints.iter().map(|joint| joint.placement).skip(1).collect()
     };
     let petasus = stands(&Scene::shipped("petasus-pum").unwrap());
-    let flat = petasus.iter().filter(|s| matches!(s, JointPlacement::Dh(LinkTwist::Deg0, _))).count();
-    let quarter = petasus.iter().filter(|s| matches!(s, JointPlacement::Dh(LinkTwist::Deg90, _))).count();
+    let flat = petasus.iter().filter(|s| matches!(s.twist, LinkTwist::Deg0)).count();
+    let quarter = petasus.iter().filter(|s| matches!(s.twist, LinkTwist::Deg90)).count();
     assert_eq!((petasus.len(), flat, quarter), (4, 2, 2), "{petasus:?}");
     let lies = [Lie::Parallel, Lie::Coincident, Lie::Antiparallel, Lie::Crossing, Lie::General];
     for (stand, lie) in stands(&chain(4, &lies)).iter().zip(lies) {
         let expected = match lie {
-            Lie::Parallel | Lie::Coincident => matches!(stand, JointPlacement::Dh(LinkTwist::Deg0, _)),
-            Lie::Crossing => matches!(stand, JointPlacement::Dh(LinkTwist::Deg90, _)),
-            Lie::Antiparallel => matches!(stand, JointPlacement::Dh(LinkTwist::Deg180, _)),
-            _ => matches!(stand, JointPlacement::Dh(LinkTwist::General(..), _)),
+            Lie::Parallel | Lie::Coincident => matches!(stand.twist, LinkTwist::Deg0),
+            Lie::Crossing => matches!(stand.twist, LinkTwist::Deg90),
+            Lie::Antiparallel => matches!(stand.twist, LinkTwist::Deg180),
+            _ => matches!(stand.twist, LinkTwist::General(..)),
         };
-        assert!(expected, "{lie:?}: {stand:?}");
+        assert!(expected && stand.before.is_none(), "{lie:?}: {stand:?}");
     }
-    assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0], JointPlacement::General(..)));
+    assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0].before, Some(Before::Pose(..))));
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn shipped_arms_leave_out_what_their_frames_can_spare() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let system = compile(&Scene::shipped(name).unwrap()).system;
         let last = system.joints.last().unwrap().screw;
-        assert!(matches!(last, JointScrew::Revolute { d: None }), "{name}: {last:?}");
+        assert!(matches!(last, JointScrew { d: None, theta: None }), "{name}: {last:?}");
     }
     // Drag in turned frames: of no link, or of one whose axes lie neither along its joint's axis nor along the normal to the next.
     let mut alpha5 = Scene::shipped("bluerov2-heavy-alpha5").unwrap();

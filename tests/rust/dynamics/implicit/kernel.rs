@@ -63,8 +63,8 @@ impl Case {
             twist: lie::Vector6::from_array(self.state.twist.into()),
             q: &self.state.q,
             qd: &self.state.qd,
-            wrench: lie::Vector6::from_array(self.wrench.into()),
-            fixed_rate: lie::Vector3([0.0; 3]),
+            wrench: &lie::Vector6::from_array(self.wrench.into()),
+            fixed_rate: system.fixed.then_some(lie::Vector3([0.0; 3])),
             time: 0.0,
             elapsed: 0.0,
         };
