@@ -45,7 +45,8 @@ fn thrusters_have_the_effect_of_the_demand_without_a_lost_share_or_come_closest_
                 let effect = case.effect(i, share, demand);
                 let missed = (effect - na::Vector6::from(wanted)).norm();
                 if redundant || share == 0.5 {
-                    assert!(missed < 1e-9, "{name} {i}: {missed}");
+                    // Rounding of the allocation, times the demand on the others.
+                    assert!(missed < 1e-8, "{name} {i}: {missed}");
                 } else {
                     let mut others = case.scene.vehicle.clone();
                     others.thrusters.remove(i);
