@@ -27,9 +27,9 @@ macro_rules! real {
             }
 
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
+                match Self::lanes(isa) {
                     Isa::Plain => plain::run(kernel),
-                    _ if Isa::Fma.detected() => Self::dispatch_fused(isa, kernel),
+                    isa if Isa::Fma.detected() => Self::dispatch_fused(isa, kernel),
                     _ => plain::run(kernel),
                 }
             }
@@ -37,9 +37,19 @@ macro_rules! real {
             fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
                     Isa::Plain => plain::run(kernel),
+                    _ if $single && Self::lanes(Isa::Fma).is_wide() => Self::dispatch_wide(kernel),
                     // SAFETY: the feature has been detected.
-                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
+                    _ if !$single && Isa::Fma.detected() => unsafe { fma::run(kernel) },
                     _ => plain::run(kernel),
+                }
+            }
+
+            fn lanes(isa: Isa) -> Isa {
+                let wide = if cfg!(target_arch = "aarch64") { Isa::Neon } else { Isa::Avx2 };
+                match isa {
+                    Isa::Fma if $single && wide.detected() => wide,
+                    Isa::Fma if $single => Isa::Plain,
+                    isa => isa,
                 }
             }
 
@@ -55,7 +65,7 @@ macro_rules! real {
             }
 
             fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
+                match Self::lanes(isa) {
                     // SAFETY: the features have been detected.
                     #[cfg(target_arch = "x86_64")]
                     Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
@@ -65,7 +75,7 @@ macro_rules! real {
                     #[cfg(target_arch = "aarch64")]
                     Isa::Neon => neon::run(kernel),
                     // SAFETY: the feature has been detected.
-                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
+                    _ if !$single && Isa::Fma.detected() => unsafe { fma::run(kernel) },
                     _ => {}
                 }
             }

@@ -29,6 +29,8 @@ pub trait Lane:
     const SLOPES: bool = false;
     /// True where a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
     const SCALAR: bool = Self::LANES == 1;
+    /// True for scalars that have steps without the terms of baseline methods, too: these take less time.
+    const LEAN_STEPS: bool = Self::SCALAR;
 
     /// Runs a routine of a kernel as a function of its own, compiled for the instruction set of these lanes. (The compiler's
     /// time grows with more than the length of a function: where a call costs nothing noticeable, it saves most of that.)
@@ -162,8 +164,12 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     fn to_f64(self) -> f64;
     /// Runs a kernel on the lanes of `isa`; on scalars if `isa` is not available on this machine.
     fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
-    /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
-    /// machine code, for work whose speed does not matter.
+    /// Instruction set whose lanes run a kernel for `isa`. In single precision that is AVX2 or NEON in place of scalars with
+    /// fused multiply-add: the same bits. (Those scalars would be a tenth of the machine code, and save a single instance
+    /// without arm a tenth of its time.)
+    fn lanes(isa: Isa) -> Isa;
+    /// Runs a kernel one instance at a time, on the scalars of `isa` ([`Self::lanes`]): the same bits as [`Self::dispatch`] in
+    /// half the machine code, for work whose speed does not matter.
     fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
     /// Runs a kernel only on the lanes of AVX2 or NEON, for work that fills lanes with one instance; does nothing on machines
     /// without. (Kernels of dual numbers take half a minute each to compile; AVX-512 saved a sixth of the time.)

@@ -142,6 +142,8 @@ macro_rules! unfused_lane {
 
         impl Lane for Unfused<$real> {
             one_number!($real, Self, self => self.0);
+            // Machines without fused multiply-add are old and rare: half the machine code counts for more.
+            const LEAN_STEPS: bool = false;
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {

@@ -163,7 +163,7 @@ impl<T: Real> Step<'_, T> {
 
     /// Steps the blocks.
     pub fn run(&mut self, isa: Isa) {
-        if (self.scaled || self.integrator.needs_baseline_terms()) && isa.is_wide() {
+        if (self.scaled || self.integrator.needs_baseline_terms()) && T::lanes(isa).is_wide() {
             T::dispatch(isa, &mut StepScaled(self));
         } else {
             T::dispatch(isa, self);

@@ -343,11 +343,14 @@ impl<'a, T: Real> Step<'a, T> {
                 Integrator::Explicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.stages;
-                    // Scalar lanes have a step without baseline terms, too: it takes less time.
                     let h = self.h;
                     let mut step = ExplicitStep { method, h, motion, estimates, equations, stages, recorder };
-                    if L::SCALAR && !self.integrator.needs_baseline_terms() {
-                        L::call(&mut WithBaselines::<_, false>(&mut step));
+                    if L::LEAN_STEPS {
+                        if self.integrator.needs_baseline_terms() {
+                            L::call(&mut WithBaselines::<_, BASELINES>(&mut step));
+                        } else {
+                            L::call(&mut WithBaselines::<_, false>(&mut step));
+                        }
                     } else {
                         L::call(&mut WithBaselines::<_, BASELINES>(&mut step));
                     }
