@@ -211,7 +211,8 @@ def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:
 @pytest.mark.parametrize("dtype", PRECISIONS)
 @pytest.mark.parametrize("lanes", LANES)
 def test_where_instances_are_stepped_nothing_is_called(dtype: str, lanes: str) -> None:
-    if lanes not in module().architecture.lanes:
+    # Single precision has wider lanes in place of scalars with fused multiply-add.
+    if lanes not in module().architecture.lanes or (dtype, lanes) == ("float32", "fma"):
         assert not kernels(dtype, lanes)
         return
     found = steps(dtype, lanes)
