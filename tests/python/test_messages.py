@@ -133,9 +133,10 @@ def test_train_says_its_result_once_and_the_steps_that_were_asked(
     monkeypatch.chdir(tmp_path)
     given = ["--algo", "distill", "--teacher", "pd", "-n", "30", "-params", "n_envs:2", "-params", "n_steps:20"]
     assert main(["train", *given, "--eval-episodes", "2", "--verbose", "0"]) == 0
-    first, second, _ = capsys.readouterr().out.splitlines()
+    first, second, _, last = capsys.readouterr().out.splitlines()
     assert re.match(r"40 steps, 30 asked and the last iteration completed, in \d+ s \(\d+ per second\)$", first)
     assert second.startswith("held-out episodes: pose ") and "steps" not in second
+    assert re.match(r"weights: sha256 [0-9a-f]{64}$", last)
 
 
 # Tables
