@@ -259,6 +259,23 @@ def test_informed_controllers_bound_the_others_in_the_same_episodes(
     assert result["controllers"]["dob/informed"]["kept"]["pose"][0] == pytest.approx(pose_rms(stats).tolist())
 
 
+@pytest.mark.parametrize(("state", "late"), [("late", True), ("present", False)])
+def test_a_bound_sees_the_true_state_of_the_same_episode(state: str, late: bool) -> None:
+    measured = condition_of("UVMS-StationKeep-Storm-v0")
+    seen, true = [], []
+    for condition in (measured, conditions.informed(measured, state)):
+        envs: Any = contenders.make_envs(condition, 4)
+        envs.reset(seed=1)
+        for _ in range(6):
+            true.append(envs.unwrapped.perfect_observations()[:, :3])
+            seen.append(envs.step(np.zeros((4, 6), np.float32))[0][:, :3])
+        envs.close()
+    # Same episodes; the pose that a bound sees is the true one, of one period before if it is late.
+    np.testing.assert_array_equal(true[:6], true[6:])
+    assert not np.array_equal(seen[:6], seen[6:])
+    np.testing.assert_array_equal(seen[7:11], true[7:11] if late else true[8:12])
+
+
 def test_conditions_are_compared_side_by_side(
     shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
