@@ -6,7 +6,7 @@ from typing import Any
 
 from uvms_gym.cli.common import console, line
 from uvms_gym.cli.output import table
-from uvms_gym.controllers.families import is_bound, is_learned
+from uvms_gym.controllers.families import is_bound, is_learned, true_state
 from uvms_gym.studies.comparison.conditions import DEPARTURES
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
 from uvms_gym.studies.comparison.plots import Results, controllers_of
@@ -105,8 +105,8 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
             row.append("" if share is None else f"{100.0 * share:.0f} %")
     table("Pose error and its costs", header, rows)
     if bounds:
-        line(f"of the gap: share of the gap between {short[first]} and the best bound that a controller closes;")
-        line(f"bounds, shown the true, present state: {', '.join(bounds)}")
+        line(f"of the gap: share of the gap from {short[first]} to the bound, a late one if there is one;")
+        line(f"bounds: {', '.join(f'{name} (shown the true, {true_state(name)} state)' for name in bounds)}")
 
 
 def _mean(summary: Summary, name: str, metric: str, part: str = "whole") -> str:
