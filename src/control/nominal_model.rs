@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::equations::{ChainState, Velocities};
-use crate::description::Scene;
+use crate::description::{Scene, Thruster};
 use crate::dynamics::CompositeBody;
 use crate::dynamics::aba::Scratch;
 use crate::lane::{Lane, Param, Routine, Shared};
@@ -11,8 +11,12 @@ use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;
 use crate::system::{EndEffector, JOINTS, Joints, System, compile};
 
-/// Longest step of a prediction, s.
-const STEP: f64 = 0.1;
+/// Shortest and longest step of a prediction, s.
+const STEPS: [f64; 2] = [0.005, 0.1];
+/// Maximum of a step times the rate of damping; Heun's method is stable up to 2.
+const STABLE: f64 = 1.5;
+/// Speed beyond that of any vehicle, m/s or rad/s.
+const FASTEST: f64 = 10.0;
 
 /// Pose error and twist of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,6 +88,8 @@ pub struct NominalModel {
     pub(super) gravity: f64,
     /// Mean time constant of the thrusters, s.
     lag: f64,
+    /// Longest step of a prediction, s: small vehicles are damped fast.
+    step: f64,
 }
 
 impl NominalModel {
@@ -93,7 +99,35 @@ impl NominalModel {
         let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;
         let (end_effector, gravity) = (EndEffector::new(scene), scene.water.gravity.norm());
         // Contact and fixtures are unknown to controllers.
-        Self { system: compile(&scene.robot()).system, end_effector, held: Vec::new(), gravity, lag }
+        let system = compile(&scene.robot()).system;
+        let mut model = Self { system, end_effector, held: Vec::new(), gravity, lag, step: STEPS[1] };
+        model.step = (STABLE / model.maximum_damping(scene)).clamp(STEPS[0], STEPS[1]);
+        model
+    }
+
+    /// Maximum rate of damping along an axis, 1/s: at the speed that all thrusters sustain along it.
+    fn maximum_damping(&self, scene: &Scene) -> f64 {
+        let (inertia, arm) = (self.inertia(&scene.home()), ArmState { q: scene.home(), qd: [0.0; JOINTS] });
+        let rate = |k: usize| {
+            let along = |thruster: &Thruster| {
+                let moment = thruster.position.cross(&thruster.axis);
+                let arm = if k < 3 { thruster.axis[k] } else { moment[k - 3] } / thruster.axis.norm();
+                arm.abs() * thruster.limits[0].abs().max(thruster.limits[1].abs())
+            };
+            let limit: f64 = scene.vehicle.thrusters.iter().map(along).sum();
+            let drag = |speed: f64| {
+                let twist = Vector6::from_array(std::array::from_fn(|i| if i == k { speed } else { 0.0 }));
+                let at = VehicleMotion { error: Vector6::zero(), twist };
+                -self.composite_body(&at, &arm, &mut Scratch::new()).force.to_array()[k]
+            };
+            let (mut low, mut high) = (0.0, FASTEST);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                if drag(middle) - drag(0.0) < limit { low = middle } else { high = middle }
+            }
+            (drag(1.001 * high) - drag(0.999 * high)) / (0.002 * high * inertia[(k, k)])
+        };
+        (0..6).map(rate).fold(0.0, f64::max)
     }
 
     /// Number of joints.
@@ -146,7 +180,7 @@ impl NominalModel {
         time: f64,
         scratch: &mut Scratch<L>,
     ) -> Prediction<L> {
-        let steps = (time / STEP - 1e-6).ceil().max(1.0);
+        let steps = (time / self.step - 1e-6).ceil().max(1.0);
         let h = time / steps;
         let (end, mean) = lag_decay(h, self.lag);
         let change = arm_then.minus(arm);

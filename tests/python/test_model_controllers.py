@@ -205,6 +205,16 @@ def test_nmpc_leaves_plans_that_no_longer_fit_the_motion() -> None:
     assert stats.last["position_error"].max() < 0.5
 
 
+def test_nmpc_holds_a_small_vehicle_whose_thrusters_saturate() -> None:
+    """Its roll is damped within 0.02 s at full thrust, and cheap moments saturate thrusters in many plans."""
+    envs = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=16, scene="bluerov2-heavy")
+    weights: Any = {"velocity": (0.02, 0.005, 0.02), "effort": (1e-3, 6e-5, 0.03), "change": (1e-3, 1e-3)}
+    observer: Any = {"wave_acceleration": (0.02, 0.06), "acceleration_noise": (0.1, 0.04)}
+    controllers = (NMPC(envs, **weights, **observer), PD(envs))
+    errors = [run_episodes(envs, one, 500, 200).rms("position_error").mean() for one in controllers]
+    assert errors[0] < 0.6 * errors[1]
+
+
 @pytest.mark.parametrize("kind", [*KINDS, NMPC, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])
 def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
     controller = kind(scene="petasus-pum")

@@ -4,6 +4,7 @@ mod absent_terms;
 mod appendages;
 mod batch;
 mod cases;
+mod condensed;
 mod contact;
 mod control;
 mod description;

@@ -232,7 +232,8 @@ class NMPC(FaultTolerant):
 
     In each period the plan before, without its first inputs, is improved by one Gauss-Newton step within the bounds of
     thrusts and torques: a motion of the nonlinear model, its derivatives at the present state for all periods, a
-    backward pass and a line search as in `optimize_trajectory`. The plan is part of the controller's state.
+    quadratic program and a line search. A backward pass as in `optimize_trajectory` solves the program where no bound
+    is active, otherwise a projected Newton method on all inputs. The plan is part of the controller's state.
 
     The present is predicted from delayed measurements, and the disturbance estimated, as by `DOB` in station keeping,
     where waves continue, and as by `ResolvedMotion` in tracking.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, condensed, minimise, solve};
 
 /// Relative decrease of the cost, as the model expects it, below which a plan is optimal.
 const OPTIMAL: f64 = 1e-3;
@@ -78,16 +78,43 @@ impl<'a, M: PlanModel> RealTimePlan<'a, M> {
     /// Improves the plan by one iteration and returns its cost; an error where the plan stays as it is and is not optimal.
     fn iterate(&mut self) -> Result<f64, f64> {
         let solution = solve(self, &Settings { iterations: 0, tolerance: 0.0 }).ok_or(f64::INFINITY)?;
-        let cost = solution.costs[0];
-        // A step that costs more than none is shortened.
-        for sizes in [&STEP_SIZES[..1], &STEP_SIZES[1..]] {
-            let costs = self.search(Some(&solution.policies), sizes);
-            if let Some(k) = costs.iter().position(|other| *other < cost) {
-                self.accept(k);
-                return Ok(costs[k]);
-            }
+        let (cost, mut policies, mut decrement) = (solution.costs[0], solution.policies, solution.decrement);
+        let mut costs = self.search(Some(&policies), &STEP_SIZES[..1]);
+        // A pass knows each knot's bounds by themselves. Where any is active the quadratic program is solved as a whole.
+        if self.is_bounded(&self.candidates[0].0) {
+            (policies, decrement) = self.bounded_step(cost).ok_or(cost)?;
+            costs = self.search(Some(&policies), &STEP_SIZES[..1]);
         }
-        if solution.decrement < OPTIMAL { Ok(cost) } else { Err(cost) }
+        // A step that costs more than none is shortened.
+        if costs[0] >= cost {
+            costs = self.search(Some(&policies), &STEP_SIZES[1..]);
+        }
+        if let Some(k) = costs.iter().position(|other| *other < cost) {
+            self.accept(k);
+            return Ok(costs[k]);
+        }
+        if decrement < OPTIMAL { Ok(cost) } else { Err(cost) }
+    }
+
+    /// True if an input is on a bound.
+    fn is_bounded(&self, inputs: &[DVector<f64>]) -> bool {
+        let [lower, upper] = self.bounds;
+        inputs.iter().any(|u| (0..u.len()).any(|k| u[k] <= lower[k] || u[k] >= upper[k]))
+    }
+
+    /// Changes of all inputs that minimise the quadratic model within the bounds, and the relative decrease that they promise.
+    fn bounded_step(&mut self, cost: f64) -> Option<(Vec<Policy>, f64)> {
+        let (hessian, gradient) = condensed(&self.expand());
+        let [lower, upper] = [0, 1].map(|side| {
+            let ranges = self.ranges();
+            DVector::from_iterator(gradient.len(), ranges.iter().flat_map(|range| range[side].iter().copied()))
+        });
+        let change = minimise(&hessian, &gradient, &lower, &upper)?.x;
+        let decrease = -change.dot(&(&hessian * &change * 0.5 + gradient));
+        let (states, inputs) = (self.present.1[0].len(), self.bounds[0].len());
+        let policy = |feedforward| Policy { feedforward, gain: DMatrix::zeros(inputs, states) };
+        let changes = change.as_slice().chunks_exact(inputs).map(DVector::from_column_slice);
+        Some((changes.map(policy).collect(), decrease / cost.max(f64::MIN_POSITIVE)))
     }
 
     /// Inputs that hold the target, within their limits.

@@ -5,6 +5,7 @@ mod equations;
 mod mlp;
 mod mpc;
 mod nmpc;
+mod nominal_model;
 mod resolved_motion;
 mod righting;
 mod thruster_fault;
