@@ -671,6 +671,8 @@ class Controller:
     widths: Final[list[int]]
     gains: Final[dict[str, Any]]
     memory_layout: Final[list[tuple[str, int]]]
+    @staticmethod
+    def blend(parts: list[tuple[Controller, float]], guard: tuple[Task, tuple[float, float]] | None) -> Controller: ...
     def act(self, observations: NDArray[np.float32], memory: _Floats) -> tuple[NDArray[np.float32], _Floats]: ...
 
 @final

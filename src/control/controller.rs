@@ -1,5 +1,7 @@
 //! The interface of all controllers.
 
+use std::ops::Range;
+
 use super::ActionMap;
 use crate::description::Scene;
 use crate::error::ControlError;
@@ -91,6 +93,27 @@ pub trait Controller: Send + Sync {
     /// # Errors
     /// `ControlError::Shape` if a length is not a multiple of its row, or the numbers of rows differ; nothing has changed then.
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError>;
+}
+
+/// Actions of a controller that shares a memory (n x width) with others: `columns` of it are its own.
+///
+/// # Errors
+/// As [`Controller::act`].
+pub(super) fn act_in_columns(
+    controller: &dyn Controller,
+    observations: &[f32],
+    memory: &mut [f64],
+    width: usize,
+    columns: Range<usize>,
+    actions: &mut [f32],
+) -> Result<(), ControlError> {
+    let rows = width.max(1);
+    let mut own: Vec<f64> = memory.chunks_exact(rows).flat_map(|row| &row[columns.clone()]).copied().collect();
+    controller.act(observations, &mut own, actions)?;
+    for (row, new) in memory.chunks_exact_mut(rows).zip(own.chunks_exact(columns.len().max(1))) {
+        row[columns.clone()].copy_from_slice(new);
+    }
+    Ok(())
 }
 
 /// Zero action.

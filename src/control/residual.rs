@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::controller::{Controller, Widths};
+use super::controller::{Controller, Widths, act_in_columns};
 use super::{Mlp, PolicySpec};
 use crate::error::ControlError;
 
@@ -50,23 +50,15 @@ impl Controller for ResidualController {
         let Widths { observation, memory: width, action } = self.widths();
         self.widths().rows(observations, memory, actions)?;
         // A row of memory is the base's and then the network's.
-        let (split, mut base, mut network) = (self.base.widths().memory, Vec::new(), Vec::new());
-        for row in memory.chunks_exact(width.max(1)) {
-            base.extend_from_slice(&row[..split]);
-            network.extend_from_slice(&row[split..]);
-        }
-        self.base.act(observations, &mut base, actions)?;
+        let split = self.base.widths().memory;
+        act_in_columns(&*self.base, observations, memory, width, 0..split, actions)?;
         let mut inputs = Vec::with_capacity(observations.len() + actions.len());
         for (row, action) in observations.chunks_exact(observation).zip(actions.chunks_exact(action)) {
             inputs.extend_from_slice(row);
             inputs.extend_from_slice(action);
         }
         let mut corrections = vec![0.0; actions.len()];
-        self.correction.act(&inputs, &mut network, &mut corrections)?;
-        for (i, row) in memory.chunks_exact_mut(width.max(1)).enumerate() {
-            row[..split].copy_from_slice(&base[i * split..(i + 1) * split]);
-            row[split..].copy_from_slice(&network[i * (width - split)..(i + 1) * (width - split)]);
-        }
+        act_in_columns(&*self.correction, &inputs, memory, width, split..width, &mut corrections)?;
         for (a, correction) in actions.iter_mut().zip(corrections) {
             *a = (*a + self.limit * correction.clamp(-1.0, 1.0)).clamp(-1.0, 1.0);
         }

@@ -27,6 +27,15 @@ pub enum ControlError {
     /// Bound that is not a fraction of an actuator's limit.
     #[error("{name} is {value}, but must be in [0, 1]")]
     Limit { name: &'static str, value: f64 },
+    /// Weights of a mean.
+    #[error("the sum of the weights is {sum}, but must be 1")]
+    Weights { sum: f64 },
+    /// Errors between which a guard hands over.
+    #[error("guard is [{from}, {to}], but must be two pose errors in m, the first at least 0 and below the second")]
+    Guard { from: f64, to: f64 },
+    /// Guard of a single controller.
+    #[error("guard hands over from the first controller, whose weight must be below 1")]
+    NothingToHandOverTo,
     /// Delay beyond the prediction.
     #[error("delay is {periods} control periods, but at most {most} are supported")]
     Delay { periods: usize, most: usize },

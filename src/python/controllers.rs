@@ -13,7 +13,7 @@ use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::task::Task;
 use uvms_gym::control::{
-    self, Activation, GainMap, Layer, Network, Normalisation, Output, PolicySpec, ResidualController, gain_value,
+    self, Activation, Blend, GainMap, Layer, Network, Normalisation, Output, PolicySpec, ResidualController, gain_value,
 };
 use uvms_gym::task::ControllerKind;
 
@@ -62,6 +62,14 @@ impl Controller {
             }
         }
         Ok(result)
+    }
+
+    /// The weighted mean of controllers, with the guard of a task between two pose errors.
+    #[staticmethod]
+    fn blend(parts: Vec<(PyRef<'_, Self>, f64)>, guard: Option<(PyRef<'_, Task>, [f64; 2])>) -> PyResult<Self> {
+        let parts = parts.iter().map(|(part, weight)| (part.inner.clone(), *weight)).collect();
+        let guard = guard.map(|(task, range)| task.batch.task().guard(range)).transpose().or_raise()?;
+        Ok(Self::new(Arc::new(Blend::new(parts, guard).or_raise()?)))
     }
 
     /// Name and length of each block of an instance's memory, in order.

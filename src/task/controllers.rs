@@ -11,9 +11,10 @@ use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
     ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPdGains, FaultGains,
-    FaultTolerant, FeedbackGains, GainMap, LawGains, MAX_DELAY, MAX_SENSOR_DELAY, ModelBased, ModelIndices, MpcGains,
-    NmpcGains, NoControl, NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant,
-    PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge, to_map,
+    FaultTolerant, FeedbackGains, GainMap, Guard, LawGains, MAX_DELAY, MAX_SENSOR_DELAY, ModelBased, ModelIndices,
+    MpcGains, NmpcGains, NoControl, NominalModel, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains,
+    Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, TrackingNmpc, Widths, gain_names, merge,
+    to_map,
 };
 use crate::description::{Arm, DEFAULT_END_EFFECTOR, VehicleServo};
 use crate::error::TaskError;
@@ -77,6 +78,18 @@ impl Task {
     /// unknown, misshaped, not finite or out of its range, or if there are no gains.
     pub fn controller(&self, kind: ControllerKind, given: &GainMap) -> Made {
         (kind.make)(self, given)
+    }
+
+    /// Guard of a blend of controllers, which hands over between these measured pose errors, m.
+    ///
+    /// # Errors
+    /// `TaskError` for a task without pose error in its observation, or errors out of order.
+    pub fn guard(&self, range: [f64; 2]) -> Result<Guard, TaskError> {
+        let error = self.block_indices(&["position_error", "attitude_error"]);
+        if error.scale.len() != 6 {
+            return Err(self.unfit("a guard needs the pose error in the observation"));
+        }
+        Ok(Guard::new(error, range)?)
     }
 
     /// Without gains any is unknown.

@@ -1,6 +1,7 @@
 """Controllers with the signature of Stable-Baselines3's policies. They run natively."""
 
 from uvms_gym.controllers.base import Controller, StateWarning
+from uvms_gym.controllers.blend import Blend
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
 from uvms_gym.controllers.model_based import (
@@ -22,6 +23,7 @@ __all__ = [
     "PID",
     "AdaptiveDOB",
     "AdaptiveResolvedMotion",
+    "Blend",
     "ComputedTorque",
     "Controller",
     "DockPD",
