@@ -14,10 +14,12 @@ tune() {
         python "$here/tune.py" --policies "$to" --controller "$name" --env "$env" "$@"
 }
 
-# tune_scene NAME SCENE ENVIRONMENT: gains of a classical controller on another scene, by a short search
+# tune_scene NAME SCENE ENVIRONMENT OPTION...: gains of a classical controller on another scene
 tune_scene() {
-    grep -qs "^ \"$1\": {" "$to/${3%-*-v0}/$2/0.1s/gains.json" ||
-        python "$here/tune.py" --policies "$to" --controller "$1" --scene "$2" --env "$3" --generations 20 --population 16
+    name=$1 scene=$2 env=$3
+    shift 3
+    grep -qs "^ \"$name\": {" "$to/${env%-*-v0}/$scene/0.1s/gains.json" ||
+        python "$here/tune.py" --policies "$to" --controller "$name" --scene "$scene" --env "$env" "$@"
 }
 
 # run FILE ENVIRONMENT [OPTION...]: the policy FILE, unless it is finished; a stopped run goes on in its folder
@@ -72,15 +74,17 @@ for name in pd pid pd-restoring dob/plain dob dob/still dob/calm dob/medium dob/
     tune $name UVMS-StationKeep-Storm-v0
 done
 # Plans take time: fewer episodes.
+plans="--generations 10 --population 12 --episodes 16 --finals 128"
 for env in UVMS-StationKeep-Storm-v0 UVMS-EETrack-Storm-v0; do
-    tune nmpc $env --generations 10 --population 12 --episodes 16 --finals 128
+    tune nmpc $env $plans
 done
 tune dob/wide UVMS-StationKeep-Wide-v0
 for scene in bluerov2-heavy bluerov2-heavy-alpha5 bluerov2-heavy-alpha5-gripper bluerov2-heavy-two-alpha5 \
     bluerov2-alpha5-pool rexrov; do
     for name in pd dob mpc pid dob/informed; do
-        tune_scene $name $scene UVMS-StationKeep-Storm-v0
+        tune_scene $name $scene UVMS-StationKeep-Storm-v0 --generations 20 --population 16
     done
+    tune_scene nmpc $scene UVMS-StationKeep-Storm-v0 $plans
 done
 tune dob-adaptive UVMS-StationKeep-Wide-v0
 for name in resolved resolved-pid resolved-dob resolved-dob/still resolved-dob/calm resolved-dob/medium resolved-dob/free; do
@@ -119,6 +123,13 @@ END
 }
 for seed in 0 1 2 3 4; do
     long $seed
+done
+# Tracking: PPO's policies, improved by gradients, with a memory of 4 s.
+for seed in 0 1 2 3 4; do
+    start=$more/UVMS-EETrack/petasus-pum/0.1s/ppo-$seed.safetensors
+    [ $seed != 0 ] || start=$to/${start#"$more/"}
+    policy shac/long $seed $track --algo shac --start "$start" -n 2000000 -params "frame_stack:[16,8,4,4,1,1,1,1,1,1]" \
+        --env-kwargs "reward:{'effort':0.2,'action_rate':0.2}"
 done
 # Bound: the policy sees the true state, as late as the measurements. Prices of effort and variation of two runs in turn.
 start=$to/UVMS-StationKeep/petasus-pum/0.1s/shac-distilled-0.safetensors

@@ -68,25 +68,31 @@ class Setting(NamedTuple):
     ----------
     about : str
         Purpose, as half a sentence.
-    role : {"rival", "frontier", "bound", "late bound"}
+    role : {"rival", "frontier", "by name", "bound", "late bound"}
         Every comparison includes the rivals, and their policies are in the package. "frontier": another limit on the
-        commands, or another price. "bound": receives the true, present state, without noise and delay. "late bound":
-        receives the true state as late as the measurements.
+        commands, or another price. "by name": only in comparisons that name it. "bound": receives the true, present
+        state, without noise and delay. "late bound": receives the true state as late as the measurements.
     gains : dict
         Gains other than the class's defaults, beside the tuned ones.
     limits : Limits
         Limits in tuning.
     base : str or None
         Name of the controller that a residual policy corrects.
+    parts : dict
+        Weights of the controllers whose mean it is, by name; the first is a policy, whose training seeds it has.
+    guard : (float, float) or None
+        Pose errors between which a mean hands over from its policy, m.
     tuned : str or None
         Name of the controller whose tuned gains it has; None: its own.
     """
 
     about: str
-    role: Literal["rival", "frontier", "bound", "late bound"] = "rival"
+    role: Literal["rival", "frontier", "by name", "bound", "late bound"] = "rival"
     gains: Mapping[str, Any] = {}
     limits: Limits = Limits()
     base: str | None = None
+    parts: Mapping[str, float] = {}
+    guard: tuple[float, float] | None = None
     tuned: str | None = None
 
 
@@ -99,7 +105,7 @@ class Family(NamedTuple):
         One sentence each: the algorithm, and when to use it.
     tasks : tuple of str
     kind : type or None
-        Class; None for neural policies.
+        Class; None for neural policies and means with them.
     default : str
         Default setting.
     settings : mapping
@@ -139,7 +145,7 @@ def _observer(still: float, calm: float, medium: float, rivals: tuple[str, ...],
 
 def _fault_tolerant(tuned: str, **more: Any) -> dict[str, Setting]:
     about = f"`{tuned}` that finds a lost thruster and does without it"
-    return {"fault-tolerant": Setting(about, "frontier", {"fault_threshold": 7.0, **more}, tuned=tuned)}
+    return {"fault-tolerant": Setting(about, "by name", {"fault_threshold": 7.0, **more}, tuned=tuned)}
 
 
 _PRICES = dict.fromkeys(LEVELS, Limits())
@@ -232,7 +238,11 @@ FAMILIES: dict[str, Family] = {
         "First choice among policies for end effectors; trains in less than a minute.",
         _TOOL,
         default="medium",
-        settings={**_levels(_PRICES, ("medium",)), "wide": _WIDE},
+        settings={
+            **_levels(_PRICES, ("medium",)),
+            "long": Setting("from `ppo`, with a memory of 4 s: the smallest error at a limited effort", "frontier"),
+            "wide": _WIDE,
+        },
     ),
     "shac-distilled": Family(
         "Neural policy that first imitates `dob` and is then improved by SHAC.",
@@ -256,6 +266,19 @@ FAMILIES: dict[str, Family] = {
             for base in ("pd", "dob", "resolved-dob")
         },
     ),
+    "blend": Family(
+        "Weighted mean of the actions of a neural policy and of linear model-predictive control.",
+        "Where the smallest error counts, worst episodes too, and a control period may take long.",
+        _STATION,
+        settings={
+            "default": Setting(
+                "0.55 of `shac-distilled/long` and 0.45 of `mpc`, `mpc` alone from a pose error of 0.15 m on",
+                "frontier",
+                parts={"shac-distilled/long": 0.55, "mpc": 0.45},
+                guard=(0.08, 0.15),
+            )
+        },
+    ),
 }
 
 
@@ -268,7 +291,7 @@ class ControllerEntry(NamedTuple):
 
     @property
     def kind(self) -> type[ClassicalController] | None:
-        """Class; None for neural policies."""
+        """Class; None for neural policies and means with them."""
         return self.family.kind
 
     @property
@@ -323,6 +346,11 @@ def names(task: str | None = None, learned: bool | None = None, rivals: bool = F
     )
 
 
+def compared(task: str, frontier: bool) -> tuple[str, ...]:
+    """Names of the controllers of a comparison that names none: rivals, or also the frontier and bounds."""
+    return tuple(name for name in names(task, rivals=not frontier) if CONTROLLERS[name].setting.role != "by name")
+
+
 def true_state(name: str) -> str | None:
     """True state that comparisons show a controller: "present", "late" as the measurements, or None: measurements."""
     role = CONTROLLERS[name].setting.role if name in CONTROLLERS else ""
@@ -335,7 +363,7 @@ def is_bound(name: str) -> bool:
 
 
 def is_learned(name: str) -> bool:
-    """True for a neural policy, and for a controller that one corrects."""
+    """True for a neural policy, for a controller that one corrects, and for a mean with one."""
     return name.startswith(MLP_PREFIX) or (name in CONTROLLERS and CONTROLLERS[name].kind is None)
 
 

@@ -19,6 +19,7 @@ import gymnasium
 from uvms_gym import _core
 from uvms_gym._task.options import native, option_names
 from uvms_gym.controllers.base import Controller, given_options, options_of
+from uvms_gym.controllers.blend import Blend
 from uvms_gym.controllers.contract import differences, policy_contract, refused
 from uvms_gym.controllers.families import (
     CODE_PREFIX,
@@ -134,6 +135,9 @@ def make_controller(
     entry = CONTROLLERS[name]
     if entry.kind is not None:
         return _classical(entry, given, gains)
+    if parts := entry.setting.parts:
+        made = [make_controller(part, env=env, gains=gains, seed=seed, **options) for part in parts]
+        return Blend(made, list(parts.values()), entry.setting.guard, **given)
     file, base = _policy_file(name, seed, given), entry.setting.base
     policy = MLP.load(file, residual=base is not None, **given)
     _check_training(name, policy, whole)
@@ -306,7 +310,7 @@ def design(env: str, arguments: str) -> dict[str, Any]:
 
 
 def policies_at(at: Path) -> dict[str, dict[int, Path]]:
-    """Files of the policies for a place, by controller and training seed."""
+    """Files of the policies for a place, by controller and training seed; of a mean the files of its policy."""
     learned = {name.replace("/", "-"): name for name in names(learned=True)}
     found: dict[str, dict[int, Path]] = {name: {} for name in learned.values()}
     for folder in (folder / at for folder in FOLDERS if (folder / at).is_dir()):
@@ -314,6 +318,9 @@ def policies_at(at: Path) -> dict[str, dict[int, Path]]:
             stem, _, seed = file.removesuffix(".safetensors").rpartition("-")
             if file.endswith(".safetensors") and stem in learned and seed.isdecimal():
                 found[learned[stem]].setdefault(int(seed), folder / file)
+    for name in found:
+        if parts := CONTROLLERS[name].setting.parts:
+            found[name] = found[next(iter(parts))]
     return {name: dict(sorted(files.items())) for name, files in found.items() if files}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym.controllers import registry
-from uvms_gym.controllers.families import canonical, is_file, names, true_state
+from uvms_gym.controllers.families import canonical, compared, is_file, names, true_state
 from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
@@ -64,7 +64,7 @@ def make_comparisons(
         if not any(suits(name, condition) for condition in conditions):
             canonical(name, task=conditions[0].designed["task"])
     return [
-        make_comparison(condition, names(condition.designed["task"], rivals=not frontier))
+        make_comparison(condition, compared(condition.designed["task"], frontier))
         if chosen is None
         else make_comparison(condition, [name for name in chosen if suits(name, condition)], required=True)
         for condition in conditions

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import uvms_gym
 from uvms_gym.controllers import registry
-from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_learned, names
+from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, compared, is_learned
 from uvms_gym.studies import records
 from uvms_gym.studies.comparison.conditions import Condition, make_conditions
 from uvms_gym.studies.comparison.study import (
@@ -206,8 +206,8 @@ def _comparison(
     task = condition.designed["task"]
     if named is None:
         entries = [part for key in ("controllers", "missing") if isinstance(part := stored.get(key), dict)]
-        frontier = {name for part in entries for name in part} == set(names(task))
-        named = list(names(task, rivals=not frontier))
+        frontier = {name for part in entries for name in part} == set(compared(task, frontier=True))
+        named = list(compared(task, frontier))
     named = [name for name in named if suits(name, condition)]
     if not run_code and (code := [name for name in named if name.startswith(CODE_PREFIX)]):
         raise ValueError(f"{code[0]} is Python code; read it, then run it with --run-code")
