@@ -9,7 +9,7 @@ use crate::error::ControlError;
 /// Most that the weights' sum may be off 1, by rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Hands over from the first controller of a blend to the others where the measured pose error is large.
+/// Hands over from the first controller of a blend to the second where the measured pose error is large.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guard {
     error: BlockIndices,
@@ -17,7 +17,7 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// For the pose error at these entries of an observation: the first weight falls linearly between two errors, m, to 0.
+    /// For the pose error at these entries of an observation: the first weight goes over to the second linearly between two errors, m.
     ///
     /// # Errors
     /// `ControlError::Guard` for errors that are negative, not finite or not in order.
@@ -53,7 +53,7 @@ impl Blend {
     ///
     /// # Errors
     /// `ControlError` for no parts, rows of different lengths, a weight beyond [0, 1], weights whose sum is not 1, or a guard
-    /// without a second controller to hand over to.
+    /// without a second controller.
     pub fn new(parts: Vec<(Arc<dyn Controller>, f64)>, guard: Option<Guard>) -> Result<Self, ControlError> {
         let sum = parts.iter().fold(0.0, |sum, part| sum + part.1);
         if let Some(&(_, value)) = parts.iter().find(|part| !(0.0..=1.0).contains(&part.1)) {
@@ -62,7 +62,7 @@ impl Blend {
         if (sum - 1.0).abs() > ROUNDING {
             return Err(ControlError::Weights { sum });
         }
-        if guard.is_some() && parts[0].1 == 1.0 {
+        if guard.is_some() && parts.len() < 2 {
             return Err(ControlError::NothingToHandOverTo);
         }
         let Widths { observation: expected, action: takes, .. } = parts[0].0.widths();
@@ -75,10 +75,10 @@ impl Blend {
         Ok(Self { parts, guard })
     }
 
-    /// Factors on the first weight and on the others.
-    fn factors(&self, handed_over: f64) -> [f64; 2] {
-        let (kept, first) = (1.0 - handed_over, self.parts[0].1);
-        if handed_over == 0.0 { [1.0; 2] } else { [kept, (1.0 - first * kept) / (1.0 - first)] }
+    /// Weight of a controller, for the share that the guard hands over.
+    fn weight(&self, controller: usize, handed_over: f64) -> f32 {
+        let moved = self.parts[0].1 * handed_over * [-1.0, 1.0].get(controller).unwrap_or(&0.0);
+        (self.parts[controller].1 + moved) as f32
     }
 }
 
@@ -101,11 +101,11 @@ impl Controller for Blend {
         let shares: Vec<f64> = self.guard.as_ref().map_or(vec![0.0; actions.len() / action], shares);
         let (mut start, mut own) = (0, vec![0.0; actions.len()]);
         actions.fill(0.0);
-        for (i, (part, weight)) in self.parts.iter().enumerate() {
+        for (i, (part, _)) in self.parts.iter().enumerate() {
             let end = start + part.widths().memory;
             act_in_columns(&**part, observations, memory, width, start..end, &mut own)?;
             for (k, (sum, own)) in actions.chunks_exact_mut(action).zip(own.chunks_exact(action)).enumerate() {
-                let weight = (weight * self.factors(shares[k])[usize::from(i > 0)]) as f32;
+                let weight = self.weight(i, shares[k]);
                 sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += weight * own.clamp(-1.0, 1.0));
             }
             start = end;

@@ -34,7 +34,7 @@ pub enum ControlError {
     #[error("guard is [{from}, {to}], but must be two pose errors in m, the first at least 0 and below the second")]
     Guard { from: f64, to: f64 },
     /// Guard of a single controller.
-    #[error("guard hands over from the first controller, whose weight must be below 1")]
+    #[error("guard hands over from the first controller to the second, but there is only one")]
     NothingToHandOverTo,
     /// Delay beyond the prediction.
     #[error("delay is {periods} control periods, but at most {most} are supported")]

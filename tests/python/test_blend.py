@@ -77,8 +77,8 @@ def test_a_guard_hands_over_from_smaller_to_larger_errors() -> None:
     for guard in ((0.2, 0.1), (-0.1, 0.2), (0.1, float("inf"))):
         with pytest.raises(ValueError, match=r"guard is .* but must be two pose errors in m, the first at least 0"):
             Blend([PD(ENV), PID(ENV)], [0.5, 0.5], guard, ENV)
-    with pytest.raises(ValueError, match="guard hands over from the first controller, whose weight must be below 1"):
-        Blend([PD(ENV), PID(ENV)], [1.0, 0.0], (0.1, 0.2), ENV)
+    with pytest.raises(ValueError, match="guard hands over from the first controller to the second, but"):
+        Blend([PD(ENV)], [1.0], (0.1, 0.2), ENV)
 
 
 def test_parts_are_for_the_same_rows() -> None:

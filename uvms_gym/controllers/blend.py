@@ -12,7 +12,7 @@ class Blend(Controller):
     """A weighted mean of controllers for the same environment.
 
     Each of them sees every observation; the action is `clip(sum of w_i clip(a_i))`, each clip to [-1, 1]. Errors of
-    controllers that are made differently cancel in part. A guard hands over from the first controller to the others
+    controllers that are made differently cancel in part. A guard hands over from the first controller to the second
     where the measured pose error of the task is large, such as from a policy, which knows only what it met in its
     training, to a controller with a model: the state's block `handed_over` is the share, 0 to 1.
 
@@ -22,7 +22,7 @@ class Blend(Controller):
     weights : sequence of float
         One per controller, each in [0, 1]; their sum is 1.
     guard : (float, float) or None
-        Pose errors between which the first weight falls to 0, m, with 1 rad as 0.5 m; the others grow in proportion.
+        Pose errors between which the first weight goes over to the second, m, with 1 rad as 0.5 m.
         None: no guard.
     env, **options
         As in `PD`; of the guard only.

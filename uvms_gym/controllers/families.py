@@ -81,7 +81,7 @@ class Setting(NamedTuple):
     parts : dict
         Weights of the controllers whose mean it is, by name; the first is a policy, whose training seeds it has.
     guard : (float, float) or None
-        Pose errors between which a mean hands over from its policy, m.
+        Pose errors between which the second controller of a mean takes over from its policy, m.
     tuned : str or None
         Name of the controller whose tuned gains it has; None: its own.
     """
@@ -267,16 +267,23 @@ FAMILIES: dict[str, Family] = {
         },
     ),
     "blend": Family(
-        "Weighted mean of the actions of a neural policy and of linear model-predictive control.",
-        "Where the smallest error counts, worst episodes too, and a control period may take long.",
-        _STATION,
+        "Weighted mean of a neural policy and a classical controller, which takes over where the error is large.",
+        "Where the smallest error counts, worst episodes too.",
+        (*_STATION, *_TRACK),
+        default="mpc",
         settings={
-            "default": Setting(
-                "0.55 of `shac-distilled/long` and 0.45 of `mpc`, `mpc` alone from a pose error of 0.15 m on",
+            "mpc": Setting(
+                "0.55 of `shac-distilled/long` and 0.45 of `mpc`, which takes over between 0.08 and 0.15 m",
                 "frontier",
                 parts={"shac-distilled/long": 0.55, "mpc": 0.45},
                 guard=(0.08, 0.15),
-            )
+            ),
+            "resolved-dob": Setting(
+                "`shac/long`, from which `resolved-dob` takes over between 0.06 and 0.1 m",
+                "by name",
+                parts={"shac/long": 1.0, "resolved-dob": 0.0},
+                guard=(0.06, 0.1),
+            ),
         },
     ),
 }
@@ -296,9 +303,9 @@ class ControllerEntry(NamedTuple):
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """Tasks; of a residual policy the tasks of its base."""
-        base = self.setting.base
-        return self.family.tasks if base is None else CONTROLLERS[base].tasks
+        """Tasks; of a residual policy the tasks of its base, of a mean those of its policy."""
+        other = self.setting.base or next(iter(self.setting.parts), None)
+        return self.family.tasks if other is None else CONTROLLERS[other].tasks
 
     def make(self, gains: Mapping[str, Any], env: Any = None, **options: Any) -> ClassicalController:
         """Make a classical controller with these gains and the setting's own."""
