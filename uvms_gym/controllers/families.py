@@ -269,7 +269,7 @@ FAMILIES: dict[str, Family] = {
     "blend": Family(
         "Weighted mean of a neural policy and a classical controller, which takes over where the error is large.",
         "Where the smallest error counts, worst episodes too.",
-        (*_STATION, *_TRACK),
+        _STATION,
         default="mpc",
         settings={
             "mpc": Setting(
@@ -277,12 +277,6 @@ FAMILIES: dict[str, Family] = {
                 "frontier",
                 parts={"shac-distilled/long": 0.55, "mpc": 0.45},
                 guard=(0.08, 0.15),
-            ),
-            "resolved-dob": Setting(
-                "`shac/long`, from which `resolved-dob` takes over between 0.06 and 0.1 m",
-                "by name",
-                parts={"shac/long": 1.0, "resolved-dob": 0.0},
-                guard=(0.06, 0.1),
             ),
         },
     ),
@@ -303,9 +297,9 @@ class ControllerEntry(NamedTuple):
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """Tasks; of a residual policy the tasks of its base, of a mean those of its policy."""
-        other = self.setting.base or next(iter(self.setting.parts), None)
-        return self.family.tasks if other is None else CONTROLLERS[other].tasks
+        """Tasks; of a residual policy the tasks of its base."""
+        base = self.setting.base
+        return self.family.tasks if base is None else CONTROLLERS[base].tasks
 
     def make(self, gains: Mapping[str, Any], env: Any = None, **options: Any) -> ClassicalController:
         """Make a classical controller with these gains and the setting's own."""
