@@ -160,6 +160,16 @@ for seed in 0 1 2 3 4; do
         --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.085,'action_rate':0.13}"
 done
 
+# One policy for any vehicle, in two runs; in the first the learning rate falls faster from 0.65 million frames on.
+made=$to/UVMS-StationKeep/universal-0.safetensors start=out/train/universal-start.safetensors logs=out/train/universal
+if [ ! -e "$made" ]; then
+    [ -e $logs-start/checkpoint.pt ] ||
+        python "$here/universal.py" --out $logs-start --vehicles 96 --frames 16000000 --stop 651000 || [ $? = 130 ]
+    python "$here/universal.py" --out $logs-start --vehicles 96 --frames 5000000 --export $start
+    python "$here/universal.py" --out $logs --start $start --seed 1 --vehicles 64 --frames 3000000 --rate 0.0004 \
+        --spans 32 16 8 4 2 1 1 1 1 --export "$made"
+fi
+
 # Variants along the frontier, of one seed: NAME EFFORT RATE.
 while read -r name effort rate; do
     scratch $name 0 $keep $effort $rate -n 6000000 -params frame_stack:8 -params log_std:-1.5

@@ -1,4 +1,4 @@
-"""Train the policy for any vehicle on drawn vehicles; a stopped run goes on in its folder.
+"""Train the policy for any vehicle on drawn vehicles; a stopped run goes on in its folder, also to other `--frames`.
 
     python training/universal.py --out FOLDER --frames 12000000 --export FILE.safetensors
 
@@ -21,6 +21,7 @@ from uvms_gym._files import write
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
+from uvms_gym.studies.records import circumstances
 from uvms_gym.training.export import versions
 from uvms_gym.training.fleet import HELD_OUT, TEACHER, DrawnVehicle, Fleet, FleetSettings, quiet
 from uvms_gym.training.run import interrupt_event, passed
@@ -36,27 +37,30 @@ def main() -> None:
     parser.add_argument("--export", type=Path, help="file of the finished policy")
     parser.add_argument("--start", help="policy to begin with, in place of imitation")
     parser.add_argument("--spans", type=int, nargs="+", default=usual.spans, help="observations in each average")
+    parser.add_argument("--stop", type=int, help="frames after which to stop, as after Ctrl-C")
     parser.add_argument("--every", type=int, default=2_000_000, help="frames between evaluations and checkpoints")
     for name in ("frames", "seed", "vehicles", "episodes"):
         parser.add_argument(f"--{name}", type=int, default=getattr(usual, name))
     for name in ("effort", "action_rate", "rate"):
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, default=getattr(usual, name))
     given = vars(parser.parse_args())
-    out, export, every = given.pop("out"), given.pop("export"), given.pop("every")
+    out, export, every, stop = (given.pop(name) for name in ("out", "export", "every", "stop"))
     settings = FleetSettings(**{**given, "spans": tuple(given["spans"])})
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
-    run(settings, out, export, every)
+    run(settings, out, export, every, stop or settings.frames)
 
 
-def run(settings: FleetSettings, out: Path, export: Path | None, every: int) -> None:
-    """Train, with a checkpoint, an evaluation and the policy in `out` every so many frames."""
+def run(settings: FleetSettings, out: Path, export: Path | None, every: int, stop: int) -> None:
+    """Train to `stop` frames, with a checkpoint, an evaluation and the policy in `out` every so many frames."""
     config, checkpoint = out / "config.json", out / "checkpoint.pt"
     state = torch.load(checkpoint, weights_only=True) if checkpoint.exists() else None
-    text = json.dumps(asdict(settings), indent=1) + "\n"
-    if state is not None and config.read_text() != text:
+    given = json.loads(json.dumps(asdict(settings)))
+    if state is not None and json.loads(config.read_text()) | {"frames": settings.frames} != given:
         raise SystemExit(f"{config} has other settings than these: give another --out")
-    write(config, text)
+    write(config, json.dumps(given, indent=1) + "\n")
+    start = settings.start and Path(settings.start).name
+    commit = circumstances("universal", {})["commit"]
     begun = time.perf_counter() - (state["seconds"] if state else 0.0)
     used = time.process_time() - (state["processor"] if state else 0.0)
 
@@ -83,12 +87,13 @@ def run(settings: FleetSettings, out: Path, export: Path | None, every: int) -> 
         torch.save({**fleet.state(), "curve": curve, "seconds": seconds, "processor": processor}, data)
         write(checkpoint, data.getvalue())
         notes = {
-            "settings": json.dumps(asdict(settings)),
+            "settings": json.dumps(given | {"start": start}),
             "conditions": json.dumps(fleet.conditions),
             "seed": str(settings.seed),
             "steps": str(fleet.steps),
             "seconds": f"{seconds:.0f}",
             "processor_seconds": f"{processor:.0f}",
+            "commit": str(commit),
             "versions": json.dumps(versions()),
             "evaluation": json.dumps(curve[-1]),
         }
@@ -97,7 +102,7 @@ def run(settings: FleetSettings, out: Path, export: Path | None, every: int) -> 
     with interrupt_event() as interrupted:
         if state is None:
             save()
-        while fleet.left > 0.0 and not interrupted.is_set():
+        while fleet.steps < min(stop, settings.frames) and not interrupted.is_set():
             before = fleet.steps
             cost = fleet.iterate()
             if fleet.iteration % 25 == 0:

@@ -68,10 +68,11 @@ class Setting(NamedTuple):
     ----------
     about : str
         Purpose, as half a sentence.
-    role : {"rival", "frontier", "by name", "bound", "late bound"}
-        Every comparison includes the rivals, and their policies are in the package. "frontier": another limit on the
-        commands, or another price. "by name": only in comparisons that name it. "bound": receives the true, present
-        state, without noise and delay. "late bound": receives the true state as late as the measurements.
+    role : {"rival", "general", "frontier", "by name", "bound", "late bound"}
+        Every comparison includes the rivals, and their policies are in the package. "general": for any scene, and in
+        the package. "frontier": another limit on the commands, or another price. "by name": only in comparisons that
+        name it. "bound": receives the true, present state, without noise and delay. "late bound": receives the true
+        state as late as the measurements.
     gains : dict
         Gains other than the class's defaults, beside the tuned ones.
     limits : Limits
@@ -87,7 +88,7 @@ class Setting(NamedTuple):
     """
 
     about: str
-    role: Literal["rival", "frontier", "by name", "bound", "late bound"] = "rival"
+    role: Literal["rival", "general", "frontier", "by name", "bound", "late bound"] = "rival"
     gains: Mapping[str, Any] = {}
     limits: Limits = Limits()
     base: str | None = None
@@ -280,6 +281,12 @@ FAMILIES: dict[str, Family] = {
             ),
         },
     ),
+    "universal": Family(
+        "Neural policy for any vehicle: its weights follow from inertia, damping, thrust, delay and lag.",
+        "For a vehicle of your own, without tuning or training.",
+        _STATION,
+        settings={"default": Setting("trained on drawn vehicles, none of them a shipped scene", "general")},
+    ),
 }
 
 
@@ -366,6 +373,11 @@ def is_bound(name: str) -> bool:
 def is_learned(name: str) -> bool:
     """True for a neural policy, for a controller that one corrects, and for a mean with one."""
     return name.startswith(MLP_PREFIX) or (name in CONTROLLERS and CONTROLLERS[name].kind is None)
+
+
+def role(name: str) -> str:
+    """Role of a controller of the list; see `Setting`."""
+    return CONTROLLERS[name].setting.role
 
 
 def is_file(name: str) -> bool:

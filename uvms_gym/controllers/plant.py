@@ -70,7 +70,10 @@ def plant(task: Task, lag: float | None, noise: Mapping[str, float] | None) -> P
     scene: dict[str, Any] = task.scene
     limits = np.array([entry["scale"][0] for entry in task.action_layout])
     if missing := [axis for axis, limit in zip(AXES, limits, strict=True) if not limit > 0.0]:
-        raise ValueError(f"the thrusters of scene {scene['name']} do not push along {', '.join(missing)} alone")
+        raise ValueError(
+            f"universal needs thrust along all six axes, but the thrusters of scene {scene['name']} "
+            f"do not push along {', '.join(missing)} alone"
+        )
     simulator = Simulator(scene, 1)
     mass = simulator.mass_matrix()[0]
     inertia, coupling = mass[:6, :6], mass[:6, 6:]

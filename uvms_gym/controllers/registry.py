@@ -30,8 +30,10 @@ from uvms_gym.controllers.families import (
     canonical,
     is_learned,
     names,
+    role,
 )
 from uvms_gym.controllers.mlp import MLP, Residual
+from uvms_gym.controllers.universal import PERIOD, UniversalPolicy
 
 #: Folder of the package's policies, tuned gains and stored results.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -139,6 +141,10 @@ def make_controller(
         made = [make_controller(part, env=env, gains=gains, seed=seed, **options) for part in parts]
         return Blend(made, list(parts.values()), entry.setting.guard, **given)
     file, base = _policy_file(name, seed, given), entry.setting.base
+    if role(name) == "general":
+        policy = _universal(file, whole)
+        _check_training(name, policy, whole)
+        return policy
     policy = MLP.load(file, residual=base is not None, **given)
     _check_training(name, policy, whole)
     if base is None:
@@ -158,7 +164,13 @@ def policies(env: Any = None, **options: Any) -> dict[str, dict[int, Path]]:
     """Files of policies for an environment, by controller and training seed."""
     given = options_of("controller", env, options)
     # Policies are trained on wrenches.
-    return policies_at(place(**given)) if given.get("action", "wrench") == "wrench" else {}
+    if given.get("action", "wrench") != "wrench":
+        return {}
+    at = place(**given)
+    found = policies_at(at)
+    if at.parts[2] == f"{PERIOD:g}s" and all(entry["scale"][0] > 0.0 for entry in native(given).action_layout):
+        found |= _general(at.parts[0])
+    return found
 
 
 def available(env: Any = None, **options: Any) -> tuple[str, ...]:
@@ -213,6 +225,9 @@ def tuned_at(name: str, at: Path) -> dict[str, Any] | None:
 def _policy_file(name: str, seed: int | None, given: dict[str, Any]) -> Path:
     there = policies(**given)
     task, scene, period = place(**given).parts
+    if role(name) == "general":
+        # The policy itself says what it is for.
+        there |= _general(task)
     where = (
         f"{task}, scene {scene}, control period {period.removesuffix('s')} s, actions {given.get('action', 'wrench')}"
     )
@@ -225,6 +240,24 @@ def _policy_file(name: str, seed: int | None, given: dict[str, Any]) -> Path:
         known = ", ".join(map(str, files))
         raise Unavailable(f"no policy {name} of training seed {seed} is there for {where}; its seeds: {known}")
     return files[seed]
+
+
+def _general(task: str) -> dict[str, dict[int, Path]]:
+    """Files of the policies for any scene, by controller and training seed."""
+    found: dict[str, dict[int, Path]] = {}
+    for name in (name for name in names(learned=True) if role(name) == "general"):
+        files = [file for folder in FOLDERS for file in sorted((folder / task).glob(f"{name}-*.safetensors"))]
+        if files:
+            found[name] = {int(file.stem.rpartition("-")[2]): file for file in reversed(files)}
+    return found
+
+
+def _universal(file: Path, options: dict[str, Any]) -> MLP:
+    policy = UniversalPolicy.load(file)
+    try:
+        return policy.network(**options)
+    except ValueError as error:
+        raise Unavailable(str(error)) from None
 
 
 def _classical(entry: ControllerEntry, given: dict[str, Any], gains: str) -> Controller:

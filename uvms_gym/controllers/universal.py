@@ -132,8 +132,8 @@ class UniversalPolicy:
         found = (contract["task"], contract["action_kind"], round(contract["control_period"], 9))
         if found != ("UVMS-StationKeep", "wrench", PERIOD):
             raise ValueError(
-                f"universal is for UVMS-StationKeep by wrench every {PERIOD:g} s, "
-                f"but the environment is {found[0]} by {found[1]} every {found[2]:g} s"
+                f"universal is for UVMS-StationKeep, actions wrench, control period {PERIOD:g} s, "
+                f"not for {found[0]}, actions {found[1]}, control period {found[2]:g} s"
             )
         task = native(given)
         at = plant(task, contract["thruster_lag"], contract["disturbance"].get("noise"))

@@ -148,10 +148,16 @@ class Fleet:
     def __init__(self, settings: FleetSettings, state: Mapping[str, Any] | None = None) -> None:
         self.settings, self.iteration, self.steps = settings, 0, 0
         self.net = UniversalNet(Sizes(spans=settings.spans), settings.seed)
+        seen: list[Floats] = []
         if settings.start is not None:
-            self.net.load(UniversalPolicy.load(Path(settings.start)))
+            start = UniversalPolicy.load(Path(settings.start))
+            self.net.load(start)
+            seen.append(start.limits)
         rewards = state["rewards"] if state else [None] * settings.vehicles
         self.vehicles = [DrawnVehicle(settings.seed, k, settings, reward) for k, reward in enumerate(rewards)]
+        seen += [vehicle.plant.features for vehicle in self.vehicles]
+        #: Least and largest features of all vehicles (2, p), those of the initial policy's training included.
+        self.limits: Floats = np.stack([np.concatenate(seen).min(axis=0), np.concatenate(seen).max(axis=0)])
         self._adam = torch.optim.Adam(self.net.parameters(), lr=settings.rate, betas=(0.9, 0.95))
         if state is not None:
             self.iteration, self.steps = state["iteration"], state["steps"]
@@ -239,12 +245,6 @@ class Fleet:
             self._adam.step()
         self.iteration += 1
         return cost
-
-    @property
-    def limits(self) -> Floats:
-        """Least and largest features of all vehicles (2, p)."""
-        features = np.concatenate([vehicle.plant.features for vehicle in self.vehicles])
-        return np.stack([features.min(axis=0), features.max(axis=0)])
 
     @property
     def conditions(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uvms_gym import StepWarning, make_controller
 from uvms_gym.controllers import Controller, registry
-from uvms_gym.controllers.families import BASELINE, is_learned
+from uvms_gym.controllers.families import BASELINE, is_learned, role
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import Block, TaskVectorEnv
 from uvms_gym.studies.numerics import Floats
@@ -91,7 +91,8 @@ def frame(case: Case) -> Frame:
         inner: TaskVectorEnv = envs.unwrapped  # type: ignore[assignment]
         options, simulator = inner.options, inner.snapshot()
         classical = BASELINE[inner.task]
-        policies = [name for name in registry.available(envs) if is_learned(name)]
+        # The scene's own.
+        policies = [one for one in registry.available(envs) if is_learned(one) and role(one) != "general"]
         drives = {name: make_controller(name, envs) for name in (classical, *policies[:1])}
         return Frame(
             inner.task,

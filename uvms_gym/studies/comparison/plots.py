@@ -38,6 +38,7 @@ _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "
 #: Colours of learned controllers, which stand out, and of classical ones.
 _LEARNED: tuple[str, ...] = (VERMILION, ORANGE, PURPLE, "#7a1f00", "#e7298a", "#b8860b", "#ff9896", "#6a0d4f")
 _LEARNED += ("#ffb347", "#a0522d", "#8b0000", "#ff6f61", "#c71585", "#f4a3c0", "#d8a0ff", "#e9967a", "#9b2335")
+_LEARNED += ("#f08030",)
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _CLASSICAL += ("#3b8ea5", "#708238", "#c0c0a0")
