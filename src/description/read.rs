@@ -10,7 +10,7 @@ use super::axes::NedTables;
 use super::part::Parts;
 use super::{Scene, SceneWarning, check, compose, path, shipped};
 use crate::error::{DescriptionError, Problem};
-use crate::keys::Fault;
+use crate::keys::{Fault, read_tree};
 
 /// Maximum size of a file of a scene, an outline or a robot.
 const MAX_BYTES: u64 = 16_000_000;
@@ -196,13 +196,11 @@ pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Resul
 pub(super) fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {
     // Before deserialising, so that a NaN is reported at its list entry.
     check::magnitudes(value)?;
-    serde_path_to_error::deserialize(value.clone())
-        .map_err(|error| explain(value, &error.path().to_string(), error.inner().message()))
+    read_tree(value.clone()).map_err(|error| explain(value, &error.place, &error.message))
 }
 
 /// Translates serde's error at the path `at`.
 fn explain(root: &Value, at: &str, message: &str) -> Fault {
-    let at = if at == "." { "" } else { at };
     let quoted = |prefix| message.strip_prefix(prefix).and_then(|rest: &str| rest.split_once('`'));
     if let Some((field, _)) = quoted("missing field `") {
         return Fault::new(path::join(at, field), Problem::Missing);

@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 use super::sensor::Sensor;
 use super::{Acoustic, Depth, Dvl, Heading, Imu};
 use crate::error::SensorError;
+use crate::keys::read_tree;
 
 /// Declares the suite: one line for each sensor.
 macro_rules! suite {
@@ -98,10 +99,7 @@ impl Suite {
                 other => drop(fitted.insert(name, other)),
             }
         }
-        serde_path_to_error::deserialize(Value::Object(fitted)).map_err(|error| SensorError::Suite {
-            key: error.path().to_string(),
-            reason: error.into_inner().to_string(),
-        })
+        read_tree(Value::Object(fitted)).map_err(|error| SensorError::Suite { key: error.place, reason: error.message })
     }
 
     /// JSON for [`Self::from_json`].

@@ -13,6 +13,7 @@ use super::station_keep::StationKeep;
 use super::valve::Valve;
 use crate::description::Integration;
 use crate::error::TaskError;
+use crate::keys::read_tree;
 
 /// Declares the tasks: [`TaskKind`] and the macro `dispatch_task`.
 macro_rules! tasks {
@@ -162,5 +163,5 @@ fn table<T: Serialize>(values: &T) -> Result<Table, TaskError> {
 }
 
 fn read<T: DeserializeOwned>(values: Table) -> Result<T, TaskError> {
-    serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| TaskError::Options(error.to_string()))
+    read_tree(Value::Table(values)).map_err(|error| TaskError::Options(error.to_string()))
 }

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 use super::span::refuse;
 use super::{Disturbance, LEVELS, Level};
 use crate::error::TaskError;
+use crate::keys::read_tree;
 
 /// Key of a dict's base level.
 const BASE: &str = "base";
@@ -87,10 +88,8 @@ impl Disturbance {
                 }
             }
         }
-        serde_path_to_error::deserialize(Value::Object(components)).map_err(|error| TaskError::Disturbance {
-            key: error.path().to_string(),
-            reason: error.into_inner().to_string(),
-        })
+        read_tree(Value::Object(components))
+            .map_err(|error| TaskError::Disturbance { key: error.place, reason: error.message })
     }
 
     /// JSON for [`Self::from_json`].
