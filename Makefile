@@ -91,6 +91,7 @@ wheel: $(VENV)/zig ## wheel for any Linux with glibc 2.17 (CPython 3.11 and late
 	$(BIN)/python .ci/licenses.py
 	PATH="$(abspath $(BIN)):$$PATH" maturin build --release --strip --quiet --zig --compression-level 9 --compatibility manylinux2014 --interpreter "$(abspath $(BIN)/python)" \
 		--target "$$(rustc -vV | sed -n 's/^host: //p')" --out dist
+	$(BIN)/python .ci/recompress.py
 	$(BIN)/maturin sdist --out dist
 	ls -l dist
 
@@ -115,7 +116,7 @@ $(VENV)/docs: $(VENV)/made pyproject.toml
 	touch $@
 
 $(VENV)/zig: $(VENV)/made
-	$(pip) 'ziglang>=0.13,<1'
+	$(pip) 'ziglang>=0.13,<1' 'zopfli>=0.4,<1'
 	touch $@
 
 $(VENV)/learning: $(VENV)/made pyproject.toml
