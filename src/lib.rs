@@ -28,7 +28,7 @@
 //! spatial       twists, wrenches, inertia
 //! hydro         damping, restoring, thrusters
 //! contact       contact of spheres with shapes: distances, law of the force
-//! keys          keys of scene files: short forms, checks, axes
+//! keys          keys of scene files: short forms, checks, axes; trees of values
 //! terms         further forces on the vehicle, one file each: fins, tether, damping by forward speed
 //! description   scenes as plain data: TOML, checks, warnings
 //! estimate      coefficients of a body from its shape

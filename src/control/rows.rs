@@ -40,7 +40,10 @@ pub(super) trait LaneLaw: Controller + Sized {
     fn act_in_lanes(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().rows(observations, memory, actions)?;
         // An unavailable instruction set is reported elsewhere.
-        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Groups { law: self, observations, memory, actions });
+        f64::dispatch_lanes(
+            Isa::best().unwrap_or(Isa::Plain),
+            &mut Groups { law: self, observations, memory, actions },
+        );
         Ok(())
     }
 }

@@ -151,9 +151,10 @@ pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
     }
 }
 
-/// Forward dynamics: `V'` with V relative to the water, and `q''`. Entries of `qdd` past the joint count are untouched.
+/// Forward dynamics: `V'` with V relative to the water, and `q''`. Entries of `qdd` past the joint count are untouched. With `ONCE`
+/// speed does not matter: [`Lane::ONE_FORM`].
 #[inline(always)]
-pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
+pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>, const ONCE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
@@ -165,7 +166,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let joints = system.chain();
     if joints.is_empty() {
         let none = (SpatialInertia::zero(), Vector6::zero());
-        *twist_rate = if system.sparse {
+        *twist_rate = if system.sparse && const { !ONCE && !L::ONE_FORM } {
             vehicle_rate::<_, _, _, true>(system, at, &none.0, none.1)
         } else {
             vehicle_rate::<_, _, _, false>(system, at, &none.0, none.1)
@@ -184,7 +185,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
     if system.z_aligned {
         for i in 0..joints.len() {
-            (g, V) = outward(joints, i, (water, at), (g, V), links);
+            (g, V) = outward::<_, _, _, ONCE>(joints, i, (water, at), (g, V), links);
             let (joint, link) = (&joints[i], &mut links[i]);
             let Some(central) = &joint.body.central else {
                 cold_path();
@@ -204,7 +205,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     } else {
         for i in 0..joints.len() {
-            (g, V) = outward(joints, i, (water, at), (g, V), links);
+            (g, V) = outward::<_, _, _, ONCE>(joints, i, (water, at), (g, V), links);
             body_bias::<_, _, false>(&joints[i].body, V, g, &mut links[i].p);
         }
     }
@@ -220,17 +221,28 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
     }
 
-    match (system.sparse, system.geared) {
-        (true, true) => inward::<_, _, _, true, true>(system, at, loads, links, branches, outer, twist_rate),
-        (true, false) => inward::<_, _, _, true, false>(system, at, loads, links, branches, outer, twist_rate),
-        (false, true) => inward::<_, _, _, false, true>(system, at, loads, links, branches, outer, twist_rate),
-        (false, false) => inward::<_, _, _, false, false>(system, at, loads, links, branches, outer, twist_rate),
+    // The form for dense inertias and geared joints serves all systems.
+    if const { ONCE || L::ONE_FORM } {
+        inward::<_, _, _, false, true, ONCE>(system, at, loads, links, branches, outer, twist_rate);
+    } else {
+        match (system.sparse, system.geared) {
+            (true, true) => inward::<_, _, _, true, true, ONCE>(system, at, loads, links, branches, outer, twist_rate),
+            (true, false) => {
+                inward::<_, _, _, true, false, ONCE>(system, at, loads, links, branches, outer, twist_rate)
+            }
+            (false, true) => {
+                inward::<_, _, _, false, true, ONCE>(system, at, loads, links, branches, outer, twist_rate)
+            }
+            (false, false) => {
+                inward::<_, _, _, false, false, ONCE>(system, at, loads, links, branches, outer, twist_rate)
+            }
+        }
     }
 
     let mut V_dot = *twist_rate;
     for i in 0..joints.len() {
         let (joint, link) = (&joints[i], &links[i]);
-        if_common!(joint, |parameters| {
+        if_common!(const { ONCE || L::ONE_FORM }, joint, |parameters| {
             let (x, z) = link.screws::<P>(&parameters);
             (V_dot, qdd[i]) = link.accelerate(z.adjoint_apply_inverse(x.adjoint_apply_inverse(V_dot)), false, true);
             continue;
@@ -250,7 +262,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 
 /// Gravity and twist of link `i` from those of the link before it.
 #[inline(always)]
-fn outward<L: Lane, P: Param<L>, B>(
+fn outward<L: Lane, P: Param<L>, B, const ONCE: bool>(
     joints: &[JointTerms<P, B>],
     i: usize,
     (water, at): (&WaterFrame<L>, &Instant<L>),
@@ -258,7 +270,12 @@ fn outward<L: Lane, P: Param<L>, B>(
     links: &mut [LinkScratch<L>],
 ) -> (Vector3<L>, Vector6<L>) {
     let (joint, link, qd) = (&joints[i], &mut links[i], at.qd[i]);
-    if_common!(joint, |parameters| return link.outward_common::<P>(&parameters, g, V, qd));
+    if_common!(const { ONCE || L::ONE_FORM }, joint, |parameters| return link.outward_common::<P>(
+        &parameters,
+        g,
+        V,
+        qd
+    ));
     if let Some(carrier) = joint.branch.carrier {
         cold_path();
         (g, V) = motion_at_carrier(carrier, (water, at.elapsed), (at.gravity, at.twist), links);
@@ -274,7 +291,7 @@ fn outward<L: Lane, P: Param<L>, B>(
 
 /// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
 #[inline(always)]
-fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: bool>(
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: bool, const ONCE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
     loads: &ArmLoads<L>,
@@ -302,7 +319,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool, const GEARED: b
         let target = if servos_on { loads.target(i, time) } else { None };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], target);
         if let (true, Some(J)) = (GEARED, &joint.rotor_inertia) {
-            if_common!(joint, |parameters| {
+            if_common!(const { ONCE || L::ONE_FORM }, joint, |parameters| {
                 outer.across_geared::<_, _, SPARSE>(joint, &parameters, J.get(), tau, link);
                 continue;
             });

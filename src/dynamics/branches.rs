@@ -2,6 +2,8 @@
 
 #![allow(non_snake_case, reason = "twists carry their usual symbol")]
 
+use std::hint::black_box;
+
 use super::link::LinkScratch;
 use super::place::WaterFrame;
 use crate::lane::Lane;
@@ -74,7 +76,7 @@ impl<L: Lane> Branches<L> {
     /// Zeros.
     #[inline(always)]
     pub fn new() -> Self {
-        Self([(SpatialInertia::zero(), Vector6::zero()); JOINTS + 1])
+        Self([black_box((SpatialInertia::zero(), Vector6::zero())); JOINTS + 1])
     }
 
     /// Sets the sums of the bodies that carry branches to 0.
@@ -115,7 +117,7 @@ impl<L: Lane> Branches<L> {
 /// Zero that the compiler does not know: it would call `memset` in the kernels.
 #[inline(always)]
 pub(super) fn stored_zero<L: Lane>() -> L {
-    std::hint::black_box(L::zero())
+    black_box(L::zero())
 }
 
 /// Sets all numbers.

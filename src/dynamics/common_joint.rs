@@ -26,10 +26,15 @@ fn read<P: Copy>(parameter: Option<&P>) -> Option<P> {
     }
 }
 
-/// Evaluates `$work` with the parameters of a common joint, for each kind by itself; nothing for another joint.
+/// Evaluates `$work` with the parameters of a common joint, for each kind by itself unless `$one_form`; nothing for another joint.
 macro_rules! if_common {
-    ($joint:expr, |$parameters:ident| $work:expr) => {
+    ($one_form:expr, $joint:expr, |$parameters:ident| $work:expr) => {
         match &$joint.kind {
+            JointKind::Other => {}
+            _ if $one_form => {
+                let $parameters = dh_parameters($joint);
+                $work
+            }
             JointKind::Parallel(a) => {
                 let $parameters = (&LinkTwist::Deg0, Some(a), None);
                 $work
@@ -50,7 +55,6 @@ macro_rules! if_common {
                 let $parameters = dh_parameters($joint);
                 $work
             }
-            JointKind::Other => {}
         }
     };
 }

@@ -1,6 +1,6 @@
 //! Contact: wrenches on vehicle and links, from the places and the motion of the bodies at a stage.
 
-use std::hint::cold_path;
+use std::hint::{black_box, cold_path};
 
 use super::aba::Scratch;
 use super::branches::at_carrier;
@@ -26,7 +26,7 @@ impl<L: Lane> ContactScratch<L> {
     /// Zeros.
     #[inline(always)]
     pub fn new() -> Self {
-        Self { places: [Place::world(); JOINTS], vehicle: Vector6::zero(), links: [Vector6::zero(); JOINTS] }
+        Self { places: [black_box(Place::world()); JOINTS], vehicle: Vector6::zero(), links: [Vector6::zero(); JOINTS] }
     }
 }
 

@@ -147,7 +147,7 @@ fn accelerations_along(
         links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| dual(x, 0.0)))),
     };
     let (mut twist_rate, mut qdd) = (Vector6::zero(), [zero; JOINTS]);
-    accelerations(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
+    accelerations::<_, _, _, true>(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
     if !system.fixed {
         // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
         twist_rate.linear = twist_rate.linear - twist.angular.cross(water) + pull;

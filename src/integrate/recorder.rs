@@ -1,16 +1,24 @@
 //! Record of the sub-intervals of steps, from which their adjoint is computed.
 
+use std::hint::cold_path;
+
 use super::Rates;
 use super::motion::Motion;
 use super::motion_adjoint::MotionCotangents;
-use crate::lane::{Lane, Tape};
+use crate::lane::{Lane, Tape, unroll};
 use crate::lie::Vector6;
 
 /// Numbers for which a record keeps its memory: 64 MB.
 const KEPT: usize = 1 << 23;
 
-/// Recorder of steps. `()` records nothing.
+/// Recorder of steps. `()` and `None` record nothing.
 pub trait Recorder<L: Lane, const N: usize> {
+    /// The same recorder, for a routine.
+    type Lent<'a>: Recorder<L, N>
+    where
+        Self: 'a;
+    /// Lends it. (By value: behind a reference the caller would not know whether it still records nothing.)
+    fn lend(&mut self) -> Self::Lent<'_>;
     /// Records the start of a step.
     fn begin(&mut self);
     /// Records its end, with further numbers of the state at its start: the reverse needs them first.
@@ -22,6 +30,9 @@ pub trait Recorder<L: Lane, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Recorder<L, N> for () {
+    type Lent<'a> = ();
+    #[inline(always)]
+    fn lend(&mut self) {}
     #[inline(always)]
     fn begin(&mut self) {}
     #[inline(always)]
@@ -30,6 +41,49 @@ impl<L: Lane, const N: usize> Recorder<L, N> for () {
     fn rates(&mut self, _: &Rates<L, N>, _: usize) {}
     #[inline(always)]
     fn sub_interval(&mut self, _: &Motion<L, N>, _: usize, _: [L; 2], _: L::Mask) {}
+}
+
+/// Steps with and without record in one machine code.
+impl<L: Lane, const N: usize> Recorder<L, N> for Option<&mut StepRecord<L>> {
+    type Lent<'a>
+        = Option<&'a mut StepRecord<L>>
+    where
+        Self: 'a;
+    #[inline(always)]
+    fn lend(&mut self) -> Option<&mut StepRecord<L>> {
+        match self {
+            Some(record) => Some(&mut **record),
+            None => None,
+        }
+    }
+    #[inline(always)]
+    fn begin(&mut self) {
+        if let Some(record) = self {
+            cold_path();
+            record.begin();
+        }
+    }
+    #[inline(always)]
+    fn end(&mut self, numbers: &[L], count: usize) {
+        if let Some(record) = self {
+            cold_path();
+            record.end(numbers, count);
+        }
+    }
+    #[inline(always)]
+    fn rates(&mut self, rates: &Rates<L, N>, joints: usize) {
+        if let Some(record) = self {
+            cold_path();
+            record.rates(rates, joints);
+        }
+    }
+    #[inline(always)]
+    fn sub_interval(&mut self, from: &Motion<L, N>, joints: usize, when: [L; 2], taken: L::Mask) {
+        if let Some(record) = self {
+            cold_path();
+            record.sub_interval(from, joints, when, taken);
+        }
+    }
 }
 
 /// Sub-interval read from a record.
@@ -137,7 +191,7 @@ impl<L: Lane> StepRecord<L> {
     }
 }
 
-impl<L: Lane, const N: usize> Recorder<L, N> for StepRecord<L> {
+impl<L: Lane> StepRecord<L> {
     #[inline(always)]
     fn begin(&mut self) {
         self.sub_intervals.push(0);
@@ -150,16 +204,24 @@ impl<L: Lane, const N: usize> Recorder<L, N> for StepRecord<L> {
     }
 
     #[inline(always)]
-    fn rates(&mut self, rates: &Rates<L, N>, joints: usize) {
+    fn rates<const N: usize>(&mut self, rates: &Rates<L, N>, joints: usize) {
         self.tape.reserve::<L>(6 + joints);
         self.tape.push(&rates.twist.to_array(), 6);
         self.tape.push(&rates.qd, joints);
     }
 
     #[inline(always)]
-    fn sub_interval(&mut self, from: &Motion<L, N>, joints: usize, [h, elapsed]: [L; 2], taken: L::Mask) {
+    fn sub_interval<const N: usize>(
+        &mut self,
+        from: &Motion<L, N>,
+        joints: usize,
+        [h, elapsed]: [L; 2],
+        taken: L::Mask,
+    ) {
         self.tape.reserve::<L>(21 + 2 * joints);
-        self.tape.push(from.pose.rotation.0.as_flattened(), 9);
+        unroll!(i in 0 1 2 => {
+            self.tape.push(&from.pose.rotation.0[i], 3);
+        });
         self.tape.push(&from.pose.position.0, 3);
         self.tape.push(&from.twist.to_array(), 6);
         self.tape.push(&from.q, joints);

@@ -8,6 +8,9 @@ use super::scalar::Unfused;
 #[cfg(target_arch = "x86_64")]
 use super::x86::{F32x8, F32x16, F64x4, F64x8};
 
+/// Instruction set of the lanes that take the place of scalars.
+pub(super) const WIDE: Isa = if cfg!(target_arch = "aarch64") { Isa::Neon } else { Isa::Avx2 };
+
 /// (In separate modules, so that the compiler works on both precisions in parallel.)
 macro_rules! real {
     ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident, $neon:ident) => {
@@ -44,10 +47,23 @@ macro_rules! real {
                 }
             }
 
-            fn lanes(isa: Isa) -> Isa {
-                let wide = if cfg!(target_arch = "aarch64") { Isa::Neon } else { Isa::Avx2 };
+            fn dispatch_lanes<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
-                    Isa::Fma if $single && wide.detected() => wide,
+                    // SAFETY: the features have been detected.
+                    #[cfg(target_arch = "x86_64")]
+                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    isa if isa != Isa::Plain && WIDE.detected() => Self::dispatch_wide(kernel),
+                    _ => plain::run(kernel),
+                }
+            }
+
+            fn dispatch_plain<K: Kernel<Self>>(kernel: &mut K) {
+                plain::run(kernel);
+            }
+
+            fn lanes(isa: Isa) -> Isa {
+                match isa {
+                    Isa::Fma if $single && WIDE.detected() => WIDE,
                     Isa::Fma if $single => Isa::Plain,
                     isa => isa,
                 }

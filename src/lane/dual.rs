@@ -52,6 +52,7 @@ impl<L: Lane> Lane for Dual<L> {
     type Mask = L::Mask;
     const LANES: usize = L::LANES;
     const SLOPES: bool = true;
+    const ONE_FORM: bool = true;
 
     #[inline(always)]
     fn call<R: Routine<Self>>(routine: &mut R) {

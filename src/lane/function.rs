@@ -1,5 +1,6 @@
 //! Functions of numbers in lanes: their values, and exact derivatives by dual numbers.
 
+use super::dispatch::WIDE;
 use super::{Dual, Isa, Kernel, Lane, Real};
 
 /// Lanes of f64 at most.
@@ -28,9 +29,10 @@ pub fn differentiate<const K: usize, const M: usize>(
 ) -> ([f64; M], Vec<[f64; M]>) {
     let slopes = vec![[0.0; M]; by.len()];
     let mut differentiation = Differentiation { function, x, by, results: [0.0; M], slopes };
-    match Isa::best() {
-        Ok(isa) if isa.is_wide() => f64::dispatch_wide(&mut differentiation),
-        isa => f64::dispatch_narrow(isa.unwrap_or(Isa::Plain), &mut differentiation),
+    if Isa::best().is_ok_and(|isa| isa != Isa::Plain && WIDE.detected()) {
+        f64::dispatch_wide(&mut differentiation);
+    } else {
+        f64::dispatch_plain(&mut differentiation);
     }
     (differentiation.results, differentiation.slopes)
 }

@@ -41,6 +41,9 @@ pub trait Lane:
 
     /// True for lanes of an instruction set with 32 registers; others have 16.
     const MANY_REGISTERS: bool = false;
+    /// True for lanes whose machine code counts for more than their speed: one form of the articulated-body algorithm, for all
+    /// kinds of systems and joints, gives the same values as the forms for some of them.
+    const ONE_FORM: bool = false;
 
     /// The same number in every lane.
     fn splat(x: Self::Real) -> Self;
@@ -171,6 +174,11 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     /// Runs a kernel one instance at a time, on the scalars of `isa` ([`Self::lanes`]): the same bits as [`Self::dispatch`] in
     /// half the machine code, for work whose speed does not matter.
     fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+    /// As [`Self::dispatch`], with the lanes of AVX2 or NEON in place of scalars with fused multiply-add: the same bits, for kernels
+    /// whose machine code counts for more than the time of a single instance where these scalars are forced.
+    fn dispatch_lanes<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+    /// Runs a kernel on scalars without fused multiply-add.
+    fn dispatch_plain<K: Kernel<Self>>(kernel: &mut K);
     /// Runs a kernel only on the lanes of AVX2 or NEON, for work that fills lanes with one instance; does nothing on machines
     /// without. (Kernels of dual numbers take half a minute each to compile; AVX-512 saved a sixth of the time.)
     fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K);

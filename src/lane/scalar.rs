@@ -144,6 +144,7 @@ macro_rules! unfused_lane {
             one_number!($real, Self, self => self.0);
             // Machines without fused multiply-add are old and rare: half the machine code counts for more.
             const LEAN_STEPS: bool = false;
+            const ONE_FORM: bool = true;
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {

@@ -10,6 +10,7 @@ use super::arm_reference;
 use super::bounds::{POSITION_BOUND, shorter};
 use super::disturbance::{DisturbanceKernel, MEASURED};
 use super::episode::{EpisodeRows, RowAllocator, TaskRows};
+use super::kernel::ActionKernel;
 use super::metrics::{METRICS, Metrics, OWN_METRICS};
 use super::model::TaskModel;
 use super::observation::{ObservationLayout, ObservationWriter};
@@ -266,6 +267,14 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// Rows of an episode's memory.
     pub fn rows(&self) -> &EpisodeRows {
         &self.rows
+    }
+
+    /// What applies actions.
+    #[inline(always)]
+    pub fn actions(&self) -> ActionKernel<'_, T> {
+        let Self { rows, actuation, frequency, residual, .. } = self;
+        let (disturbance, drives_joints) = (self.disturbance(), K::DRIVES_JOINTS);
+        ActionKernel { rows, actuation, frequency: *frequency, residual: *residual, disturbance, drives_joints }
     }
 
     /// Disturbances that change within episodes, if any.

@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 use super::arm_reference;
 use super::bounds::{POSITION_BOUND, bounded_length, in_bounds};
 use super::definition::{ControlInstant, TaskDefinition, TaskKernel};
-use super::disturbance::{Forcing, MEASURED};
+use super::disturbance::{DisturbanceKernel, Forcing, MEASURED};
 use super::episode::EpisodeRows;
 use super::metrics::{Evaluation, Metrics, OWN_METRICS};
 use super::reward::{RewardKernel, squared_pose_error};
-use crate::control::{ACTIONS, Actuated};
+use crate::control::{ACTIONS, Actuated, Actuation};
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
 
@@ -24,18 +24,32 @@ pub struct Command<L> {
 }
 
 impl<L: Lane> Command<L> {
-    /// Zeros, as memory for [`TaskKernel::act`].
+    /// Zeros, as memory for [`ActionKernel::act`].
     #[inline(always)]
     pub fn none() -> Self {
         Self { actuated: Actuated::none(), joints: [[L::zero(); 4]; JOINTS] }
     }
 }
 
-impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
-    /// Sets the target and the references of the first control instant, at an episode's start.
-    #[inline(always)]
-    pub fn begin<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
-        K::begin::<L>(self, memory);
+/// The numbers of a task that apply actions, the same for all tasks.
+#[derive(Debug, Clone, Copy)]
+pub struct ActionKernel<'a, T> {
+    pub(super) rows: &'a EpisodeRows,
+    pub(super) actuation: &'a Actuation<T>,
+    /// Control periods per second.
+    pub(super) frequency: T,
+    /// Maximum correction to the base controller's action, with residual actions.
+    pub(super) residual: Option<T>,
+    /// Disturbances that change within episodes, if any.
+    pub disturbance: Option<&'a DisturbanceKernel<T>>,
+    /// [`TaskDefinition::DRIVES_JOINTS`]
+    pub drives_joints: bool,
+}
+
+impl<'a, T: Real> ActionKernel<'a, T> {
+    /// Rows of an episode's memory.
+    pub fn rows(&self) -> &'a EpisodeRows {
+        self.rows
     }
 
     /// Applies an action over the coming control period. Entries beyond [-1, 1] are clipped, NaN counts as 0. With residual
@@ -69,21 +83,29 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         memory.set(rows.change, change);
         memory.set_all(rows.effort, &[actuated.square, actuated.power, actuated.saturation]);
         match &rows.task.joints {
-            Some(references) if !K::DRIVES_JOINTS => references.targets(memory, L::splat(self.frequency), joints),
+            Some(references) if !self.drives_joints => references.targets(memory, L::splat(self.frequency), joints),
             _ => {}
         }
-    }
-
-    /// Moves the target and the references to the next control instant.
-    #[inline(always)]
-    pub fn advance<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
-        K::advance::<L>(self, memory);
     }
 
     /// Scales ideal thrusters' thrusts by their remaining gains.
     #[inline(always)]
     pub fn scale_thrusts<L: Lane<Real = T>>(&self, forcing: &Forcing<L>, actuated: &mut Actuated<L>) {
         self.actuation.scale_thrusts(actuated, &forcing.gains);
+    }
+}
+
+impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
+    /// Sets the target and the references of the first control instant, at an episode's start.
+    #[inline(always)]
+    pub fn begin<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
+        K::begin::<L>(self, memory);
+    }
+
+    /// Moves the target and the references to the next control instant.
+    #[inline(always)]
+    pub fn advance<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
+        K::advance::<L>(self, memory);
     }
 }
 

@@ -48,7 +48,7 @@ pub use dock::{Dock, DockArm, DockKind};
 pub use ee_track::{EETrack, Preview};
 pub use episode::{Episode, EpisodeRows};
 pub use gradient::{Acted, Evaluated, GradientWidths, TaskGradient};
-pub use kernel::Command;
+pub use kernel::{ActionKernel, Command};
 pub use metrics::{Evaluation, INFO, METRICS, Metrics, OWN_METRICS, Outcome};
 pub use observation::{Block, ObservationLayout, PREVIEW};
 pub use options::{StartOverride, TaskOptions, Tolerance};

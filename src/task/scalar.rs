@@ -113,7 +113,7 @@ impl<K: TaskDefinition> ScalarKernel for Scalar<K> {
 
     fn act(&self, memory: &mut Rows<'_, f64>, action: &mut [f64; ACTIONS]) -> Command<f64> {
         let mut command = Command::none();
-        self.kernel.act(memory, action, None, &mut command);
+        self.kernel.actions().act(memory, action, None, &mut command);
         command
     }
 

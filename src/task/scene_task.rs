@@ -223,7 +223,7 @@ impl Task {
         *self.kernel.rows()
     }
 
-    /// [`TaskKernel::act`] for one instance.
+    /// [`ActionKernel::act`](super::ActionKernel::act) for one instance.
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));

@@ -64,13 +64,16 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
             self.advance_disturbances(disturbance);
         }
         let isa = self.part.isa;
-        T::dispatch(isa, &mut ActKernel { blocks: self.blocks(), actions, base: base.as_deref() });
+        T::dispatch(
+            isa,
+            &mut ActKernel { kernel: self.kernel.actions(), blocks: self.blocks(), actions, base: base.as_deref() },
+        );
         self.part.step();
         let mut counts = [T::from_f64(1.0); CHUNK];
         for (count, slot) in counts.iter_mut().zip(&*self.slots) {
             *count = T::from_f64(f64::from(slot.step) + 1.0);
         }
-        T::dispatch(isa, &mut EvaluateKernel { blocks: self.blocks(), counts: &counts, out });
+        T::dispatch(isa, &mut EvaluateKernel { kernel: self.kernel, blocks: self.blocks(), counts: &counts, out });
         self.end_episodes(out, finals);
     }
 
@@ -183,13 +186,13 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
     /// Kernel of the observations of the chosen instances, of the true state if `perfect`.
     pub fn observe_as(&mut self, chosen: &[bool], perfect: bool, out: &mut Outputs<'_>) {
         let isa = self.part.isa;
-        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect, out });
+        T::dispatch(isa, &mut ObserveKernel { kernel: self.kernel, blocks: self.blocks(), chosen, perfect, out });
     }
 
-    fn blocks(&mut self) -> EpisodeBlocks<'_, T, K> {
+    fn blocks(&mut self) -> EpisodeBlocks<'_, T> {
         EpisodeBlocks {
-            kernel: self.kernel,
             layout: &self.part.table.layout,
+            rows: self.kernel.rows().rows,
             physics: &mut *self.part.rows,
             episodes: &mut *self.episodes,
         }

@@ -10,21 +10,21 @@ use crate::lie::{Pose, Vector6};
 use crate::system::JOINTS;
 use crate::task::disturbance::{Battery, Forcing};
 use crate::task::observation::LONGEST;
-use crate::task::{Command, ControlInstant, Evaluation, METRICS, StageState, TaskDefinition, TaskKernel};
+use crate::task::{ActionKernel, Command, ControlInstant, Evaluation, METRICS, StageState, TaskDefinition, TaskKernel};
 
 /// Maximum number of lanes.
 const WIDEST: usize = 16;
 
 /// Blocks of instances, and their episodes' numbers.
-pub(super) struct EpisodeBlocks<'a, T: Real, K: TaskDefinition> {
-    pub kernel: &'a TaskKernel<T, K>,
-    /// Rows of a block.
+pub(super) struct EpisodeBlocks<'a, T> {
+    /// Rows of a block of instances, and of one of episodes.
     pub layout: &'a Layout,
+    pub rows: usize,
     pub physics: &'a mut [T],
     pub episodes: &'a mut [T],
 }
 
-impl<T: Real, K: TaskDefinition> EpisodeBlocks<'_, T, K> {
+impl<T: Real> EpisodeBlocks<'_, T> {
     /// Physics and episodes of the group that starts with instance `first`. The `needed` rows of either in the next block
     /// are prefetched.
     #[inline(always)]
@@ -34,7 +34,7 @@ impl<T: Real, K: TaskDefinition> EpisodeBlocks<'_, T, K> {
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
         prefetch_after::<L, _>(&physics[of_physics.start * T::BLOCK..of_physics.end * T::BLOCK], width);
-        let width = self.kernel.rows().rows * T::BLOCK;
+        let width = self.rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
         prefetch_after::<L, _>(&episodes[of_episodes.start * T::BLOCK..of_episodes.end * T::BLOCK], width);
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
@@ -52,22 +52,23 @@ fn stage_state<L: Lane>(layout: &Layout, physics: &Rows<'_, L::Real>) -> StageSt
 }
 
 /// Applies actions: thrusts and servo targets become the loads of the coming steps.
-pub(super) struct ActKernel<'a, T: Real, K: TaskDefinition> {
-    pub blocks: EpisodeBlocks<'a, T, K>,
+pub(super) struct ActKernel<'a, T: Real> {
+    pub blocks: EpisodeBlocks<'a, T>,
+    pub kernel: ActionKernel<'a, T>,
     /// (n, a) for the first n instances of the blocks.
     pub actions: &'a [f32],
     /// Actions of the base controller, (n, a), with residual actions.
     pub base: Option<&'a [f32]>,
 }
 
-impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
+impl<T: Real> Kernel<T> for ActKernel<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
+        let (kernel, rows) = (&self.kernel, self.kernel.rows());
+        let (width, disturbance) = (rows.actions, kernel.disturbance);
         let count = self.actions.len() / width;
-        let rows = kernel.rows();
-        let needed = match kernel.disturbance() {
+        let needed = match disturbance {
             Some(_) => [0..layout.common, 0..rows.rows],
             None => [layout.wrench..layout.target + 4 * layout.joints, rows.first_for_action()..rows.integral],
         };
@@ -84,7 +85,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
             let (mut physics, mut memory) = self.blocks.group::<L>(first, &needed);
             kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
-            if let Some(disturbance) = kernel.disturbance() {
+            if let Some(disturbance) = disturbance {
                 let state = stage_state::<L>(layout, &physics);
                 let places = disturbance.places();
                 if let Some(at) = places.battery {
@@ -109,7 +110,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
                 let thrust = physics.factors::<L>(layout).thrust;
                 physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
             }
-            if K::DRIVES_JOINTS {
+            if kernel.drives_joints {
                 physics.set_some(layout.torque, &command.actuated.torques, layout.joints);
             } else {
                 for k in 0..layout.joints {
@@ -143,7 +144,8 @@ fn read<L: Lane>(
 
 /// Evaluates the states after a control period, and observes.
 pub(super) struct EvaluateKernel<'a, 'b, T: Real, K: TaskDefinition> {
-    pub blocks: EpisodeBlocks<'a, T, K>,
+    pub blocks: EpisodeBlocks<'a, T>,
+    pub kernel: &'a TaskKernel<T, K>,
     /// Completed control periods, this one included, of each instance of the blocks.
     pub counts: &'a [T],
     /// For the instances of the blocks.
@@ -154,7 +156,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for EvaluateKernel<'_, '_, T, K> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let kernel = self.blocks.kernel;
+        let kernel = self.kernel;
         let (count, width) = (self.out.len(), kernel.observation_len());
         let needed = [0..layout.time, 0..kernel.rows().rows];
         let mut scratch = [0.0; LONGEST * WIDEST];
@@ -230,7 +232,8 @@ fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
 
 /// Observations and metrics of instances at their current control instant.
 pub(super) struct ObserveKernel<'a, 'b, T: Real, K: TaskDefinition> {
-    pub blocks: EpisodeBlocks<'a, T, K>,
+    pub blocks: EpisodeBlocks<'a, T>,
+    pub kernel: &'a TaskKernel<T, K>,
     /// Chosen instances of the blocks.
     pub chosen: &'a [bool],
     /// True values in place of the sensors' readings.
@@ -243,7 +246,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let kernel = self.blocks.kernel;
+        let kernel = self.kernel;
         let (count, width) = (self.chosen.len(), kernel.observation_len());
         let metrics = if self.out.info[0].is_empty() { 0 } else { METRICS + K::METRICS.len() };
         let mut scratch = [0.0; LONGEST * WIDEST];

@@ -125,8 +125,9 @@ impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
     fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>) {
         let all = vec![true; out.len()];
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
-        let blocks = kernels::EpisodeBlocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
-        T::dispatch(isa, &mut kernels::ObserveKernel { blocks, chosen: &all, perfect, out });
+        let blocks =
+            kernels::EpisodeBlocks { layout, rows: self.kernel.rows().rows, physics, episodes: &mut self.episodes };
+        T::dispatch(isa, &mut kernels::ObserveKernel { kernel: &self.kernel, blocks, chosen: &all, perfect, out });
     }
 
     fn frames(&mut self, simulator: &mut Simulator) -> [Vec<f32>; 2] {

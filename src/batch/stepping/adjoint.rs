@@ -142,8 +142,8 @@ impl Kernel<f64> for Reverse<'_, '_> {
                     Ok(true) => {}
                     end => break end.map(drop),
                 }
-                let (system, record) = (&instances.system, &mut reverse.record);
-                step.step_group::<_, _, _, false>(system, &[], &mut columns, &mut memory, record);
+                let (system, record) = (&instances.system, &mut Some(&mut reverse.record));
+                step.step_group::<_, _, _, true>(system, &[], &mut columns, &mut memory, record);
             };
             (step.before, step.substeps) = (before, substeps);
             if portions.next < end || self.failure.is_err() {

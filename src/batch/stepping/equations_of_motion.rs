@@ -200,7 +200,8 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         };
         let (is_start, time) = (at.is_start(), self.time + elapsed);
         let instant = Instant { is_start, gravity, twist, q, qd, wrench, fixed_rate, time, elapsed };
-        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+        let Rates { twist, qd } = rates;
+        accelerations::<_, _, _, false>(system, &instant, self.loads, self.scratch, twist, qd);
     }
 }
 

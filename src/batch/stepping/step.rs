@@ -15,8 +15,8 @@ use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::place::WaterFrame;
 use crate::hydro::{ThrustProfiles, ThrusterDynamics};
 use crate::integrate::{
-    Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
-    interval,
+    Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, StepRecord,
+    implicit_interval, interval,
 };
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Rows, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -122,7 +122,7 @@ struct ExplicitStep<'a, 'b, L: Lane, P, R> {
     estimates: &'a mut StepEstimates<L>,
     equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut Stages<L, JOINTS>,
-    recorder: &'a mut R,
+    recorder: R,
 }
 
 /// Kernel of the steps, with the terms of baseline methods if `BASELINES`.
@@ -134,7 +134,7 @@ impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool> Routin
     #[inline(always)]
     fn run(&mut self) {
         let ExplicitStep { method, h, motion, estimates, equations, stages, recorder } = &mut *self.0;
-        interval::<_, _, _, _, BASELINES>(method, *h, motion, estimates, *equations, stages, *recorder);
+        interval::<_, _, _, _, BASELINES>(method, *h, motion, estimates, *equations, stages, recorder);
     }
 }
 
@@ -146,14 +146,14 @@ struct ImplicitStep<'a, 'b, L: Lane, P, R> {
     estimates: &'a mut StepEstimates<L>,
     equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut ImplicitStages<L, JOINTS>,
-    recorder: &'a mut R,
+    recorder: R,
 }
 
 impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>> Routine<L> for ImplicitStep<'_, '_, L, P, R> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { method, h, motion, estimates, equations, stages, recorder } = self;
-        implicit_interval(method, *h, motion, estimates, *equations, stages, *recorder);
+        implicit_interval(method, *h, motion, estimates, *equations, stages, recorder);
     }
 }
 
@@ -233,7 +233,13 @@ impl<'a, T: Real> Step<'a, T> {
                     (None, Some(shared)) => (shared, &[][..]),
                     (None, None) => continue,
                 };
-                self.step_group::<_, _, _, true>(system, unscaled, &mut columns, &mut memory, &mut ());
+                self.step_group::<_, _, _, true>(
+                    system,
+                    unscaled,
+                    &mut columns,
+                    &mut memory,
+                    &mut None::<&mut StepRecord<L>>,
+                );
             }
         }
         self.return_memory(memory, ManuallyDrop::into_inner(instances));
@@ -342,8 +348,7 @@ impl<'a, T: Real> Step<'a, T> {
             match &self.integrator {
                 Integrator::Explicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
-                    let stages = &mut memory.stages;
-                    let h = self.h;
+                    let (stages, recorder, h) = (&mut memory.stages, recorder.lend(), self.h);
                     let mut step = ExplicitStep { method, h, motion, estimates, equations, stages, recorder };
                     if L::LEAN_STEPS {
                         if self.integrator.needs_baseline_terms() {
@@ -357,7 +362,7 @@ impl<'a, T: Real> Step<'a, T> {
                 }
                 Integrator::LinearlyImplicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
-                    let stages = &mut memory.implicit_stages;
+                    let (stages, recorder) = (&mut memory.implicit_stages, recorder.lend());
                     L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages, recorder });
                 }
             }

@@ -3,12 +3,11 @@
 use super::frames::{Acted, BLOCK, GradientWidths, pack, unpack};
 use crate::control::ACTIONS;
 use crate::lane::{Dual, Kernel, Lane, Real, Rows};
-use crate::task::definition::{TaskDefinition, TaskKernel};
-use crate::task::kernel::Command;
+use crate::task::kernel::{ActionKernel, Command};
 
 /// Result of [`super::TaskGradient::act_vjp`].
-pub(super) fn act_vjp<K: TaskDefinition>(
-    kernel: &TaskKernel<f64, K>,
+pub(super) fn act_vjp(
+    kernel: ActionKernel<'_, f64>,
     widths: GradientWidths,
     frames: &Acted<'_>,
     cotangents: &[f64],
@@ -45,8 +44,8 @@ pub(super) fn act_vjp<K: TaskDefinition>(
 }
 
 /// Columns of frames before the physics.
-struct ActBlock<'a, K: TaskDefinition> {
-    kernel: &'a TaskKernel<f64, K>,
+struct ActBlock<'a> {
+    kernel: ActionKernel<'a, f64>,
     widths: GradientWidths,
     /// Actions are corrections to a base controller's.
     corrects: bool,
@@ -59,7 +58,7 @@ struct ActBlock<'a, K: TaskDefinition> {
     out: Vec<f64>,
 }
 
-impl<K: TaskDefinition> Kernel<f64> for ActBlock<'_, K> {
+impl Kernel<f64> for ActBlock<'_> {
     /// One pass for each entry of action, base and previous action.
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {

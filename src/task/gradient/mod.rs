@@ -66,7 +66,7 @@ impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
             let (mut action, mut base, mut command) = ([0.0; ACTIONS], [0.0; ACTIONS], Command::none());
             action[..a].copy_from_slice(actions);
             base[..a].copy_from_slice(&frames.base.unwrap_or(frames.actions)[i * a..][..a]);
-            self.act(&mut Rows::of_one(&mut memory), &mut action, frames.base.map(|_| &base), &mut command);
+            self.actions().act(&mut Rows::of_one(&mut memory), &mut action, frames.base.map(|_| &base), &mut command);
             forces.extend(&command.actuated.thrusts[..thrusters]);
             forces.extend(&command.actuated.torques[..force - thrusters]);
             targets.extend(command.joints[..self.rows.joints].as_flattened());
@@ -77,7 +77,7 @@ impl<K: TaskDefinition> TaskGradient for TaskKernel<f64, K> {
     fn act_vjp(&self, frames: &Acted<'_>, cotangents: &[f64]) -> Result<Vec<f64>, TaskError> {
         let widths = self.widths();
         frames.check(&widths, Some(cotangents))?;
-        Ok(act::act_vjp(self, widths, frames, cotangents))
+        Ok(act::act_vjp(self.actions(), widths, frames, cotangents))
     }
 
     fn evaluate_vjp(&self, frames: &Evaluated<'_>, cotangents: &[f64]) -> Result<Vec<f64>, TaskError> {

@@ -93,7 +93,14 @@ fn accelerations_of_duals_are_their_derivatives() {
             elapsed: L::zero(),
         };
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
-        accelerations(system, &instant, &ArmLoads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);
+        accelerations::<_, _, _, false>(
+            system,
+            &instant,
+            &ArmLoads::none(),
+            &mut Scratch::new(),
+            &mut twist_rate,
+            &mut qdd,
+        );
         twist_rate.to_array().into_iter().chain(qdd).collect()
     }
     let place: Vec<f64> = state.twist.iter().chain(&state.q).chain(&state.qd).copied().collect();

@@ -338,7 +338,14 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 elapsed: L::zero(),
             };
             let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
-            accelerations(self.system, &instant, &ArmLoads::none(), &mut scratch, &mut twist_rate, &mut qdd);
+            accelerations::<_, _, _, false>(
+                self.system,
+                &instant,
+                &ArmLoads::none(),
+                &mut scratch,
+                &mut twist_rate,
+                &mut qdd,
+            );
             for (k, x) in twist_rate.to_array().into_iter().chain(qdd).enumerate() {
                 for (i, x) in lanes(x).into_iter().enumerate() {
                     self.out[at + i][k] = x;

@@ -71,7 +71,7 @@ impl Case {
         let (mut rate, mut qdd) = (lie::Vector6::zero(), [0.0; JOINTS]);
         let (loads, mut scratch) = (self.loads(), Scratch::new());
         match h {
-            None => accelerations(&system, &at, &loads, &mut scratch, &mut rate, &mut qdd),
+            None => accelerations::<_, _, _, false>(&system, &at, &loads, &mut scratch, &mut rate, &mut qdd),
             Some(h) => {
                 let ahead = Ahead { h, vehicle_servo: self.station };
                 implicit_accelerations(&system, &at, ahead, &loads, &mut scratch, &mut rate, &mut qdd);
