@@ -201,6 +201,17 @@ def test_warnings_name_what_is_beyond_the_training(changes: dict[str, Any], word
     assert texts == [] if words is None else len(texts) == 1 and words in texts[0]
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.ControllerWarning")
+def test_features_beyond_the_training_count_as_its_limits() -> None:
+    def actions(periods: int) -> Any:
+        env = gymnasium.make(STORM, scene="rexrov", disturbance={"base": "storm", "delay": {"periods": periods}})
+        rows = np.random.default_rng(0).normal(size=(20, 24), scale=0.3).astype(np.float32)
+        return make_controller("universal", env).predict(rows, episode_start=np.ones(20, dtype=bool))[0]
+
+    np.testing.assert_array_equal(actions(3), actions(2))
+    assert np.abs(actions(2) - actions(1)).max() > 0.01
+
+
 def test_files_read_back_alike_and_others_are_refused(policy: UniversalPolicy, tmp_path: Path) -> None:
     assert FILE.stat().st_size < 400_000
     policy.save(tmp_path / "again.safetensors")
