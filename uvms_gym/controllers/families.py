@@ -279,6 +279,9 @@ FAMILIES: dict[str, Family] = {
                 parts={"shac-distilled/long": 0.55, "mpc": 0.45},
                 guard=(0.08, 0.15),
             ),
+            "universal": Setting(
+                "0.3 of `universal` and 0.7 of `mpc`, on any scene", "by name", parts={"universal": 0.3, "mpc": 0.7}
+            ),
         },
     ),
     "universal": Family(

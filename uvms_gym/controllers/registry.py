@@ -170,7 +170,7 @@ def policies(env: Any = None, **options: Any) -> dict[str, dict[int, Path]]:
     found = policies_at(at)
     if at.parts[2] == f"{PERIOD:g}s" and all(entry["scale"][0] > 0.0 for entry in native(given).action_layout):
         found |= _general(at.parts[0])
-    return found
+    return _with_means(found)
 
 
 def available(env: Any = None, **options: Any) -> tuple[str, ...]:
@@ -351,10 +351,13 @@ def policies_at(at: Path) -> dict[str, dict[int, Path]]:
             stem, _, seed = file.removesuffix(".safetensors").rpartition("-")
             if file.endswith(".safetensors") and stem in learned and seed.isdecimal():
                 found[learned[stem]].setdefault(int(seed), folder / file)
-    for name in found:
-        if parts := CONTROLLERS[name].setting.parts:
-            found[name] = found[next(iter(parts))]
-    return {name: dict(sorted(files.items())) for name, files in found.items() if files}
+    return _with_means({name: dict(sorted(files.items())) for name, files in found.items() if files})
+
+
+def _with_means(found: dict[str, dict[int, Path]]) -> dict[str, dict[int, Path]]:
+    """Also means of controllers, with the files of their policies."""
+    first = {name: next(iter(entry.setting.parts), "") for name, entry in CONTROLLERS.items()}
+    return found | {name: found[policy] for name, policy in first.items() if policy in found}
 
 
 def _places() -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from uvms_gym import Rollout
 from uvms_gym._files import read
-from uvms_gym.controllers import MLP, registry
+from uvms_gym.controllers import MLP, Blend, Residual, registry
 from uvms_gym.controllers.families import CODE_PREFIX, MLP_PREFIX, is_file, true_state
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
@@ -62,19 +62,29 @@ def make_contender(condition: Condition, name: str, seeds: tuple[int, ...] | Non
     if name.startswith(CODE_PREFIX):
         options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
         made = load(name, gymnasium.make_vec(condition.env, num_envs=1, **options))
-        return Contender(name, (), [made], {"files": [_file(file_of(name))]})
+        return Contender(name, (), [made], {"files": [_file(file_of(name), made)]})
     options = informed(condition._replace(options=condition.designed), true_state(name)).options
     files = registry.policies(**options).get(name, {})
     seeds = seeds or tuple(files)
     made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
     paths = [Path(name.removeprefix(MLP_PREFIX))] if is_file(name) else [files[seed] for seed in seeds]
-    origin = {"files": [_file(path) for path in paths]} if paths else {"tuned": registry.tuned(name, **options)}
+    origin = (
+        {"files": [_file(*pair) for pair in zip(paths, made)]} if paths else {"tuned": registry.tuned(name, **options)}
+    )
     return Contender(name, seeds, made, origin)
 
 
-def _file(file: Path) -> dict[str, Any]:
-    notes = MLP.load(file, residual=True).notes if file.suffix != ".py" else {}
+def _file(file: Path, controller: Any) -> dict[str, Any]:
+    network = _network(controller)
+    notes = network.notes if isinstance(network, MLP) else {}
     return {"name": file.name, "sha256": hashlib.sha256(read(file)).hexdigest(), "notes": notes}
+
+
+def _network(controller: Any) -> Any:
+    """The policy of a controller that corrects or weighs one, or the controller."""
+    if isinstance(controller, Residual):
+        return controller.correction
+    return _network(controller.controllers[0]) if isinstance(controller, Blend) else controller
 
 
 def make_envs(condition: Condition, episodes: int) -> Any:
