@@ -91,7 +91,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     time: L::zero(),
                     elapsed: L::zero(),
                 };
-                accelerations::<_, _, _, true>(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
+                accelerations::<_, _, _, false>(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
                 twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
