@@ -165,4 +165,4 @@ def test_a_policy_is_finished_where_its_run_took_all_steps(tmp_path: Path) -> No
     assert not is_finished(file)
     random_policy().save(file)
     assert not is_finished(file)
-    assert all(is_finished(path) for at in (PRETRAINED, TRAINING) for path in at.rglob("*.safetensors"))
+    assert all(map(is_finished, FILES))

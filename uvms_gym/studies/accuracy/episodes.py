@@ -92,7 +92,9 @@ def frame(case: Case) -> Frame:
         options, simulator = inner.options, inner.snapshot()
         classical = BASELINE[inner.task]
         # The scene's own.
-        policies = [one for one in registry.available(envs) if is_learned(one) and role(one) != "general"]
+        policies = [
+            one for one in registry.available(envs) if is_learned(one) and role(one) not in ("general", "by name")
+        ]
         drives = {name: make_controller(name, envs) for name in (classical, *policies[:1])}
         return Frame(
             inner.task,
