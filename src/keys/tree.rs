@@ -69,7 +69,7 @@ impl From<serde_json::Value> for Tree {
 pub struct TreeError {
     /// Place such as `a.b[2]`; empty for the whole tree.
     pub place: String,
-    /// What is wrong there.
+    /// The error there.
     pub message: String,
 }
 

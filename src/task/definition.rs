@@ -269,7 +269,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         &self.rows
     }
 
-    /// What applies actions.
+    /// Kernel of actions.
     #[inline(always)]
     pub fn actions(&self) -> ActionKernel<'_, T> {
         let Self { rows, actuation, frequency, residual, .. } = self;
