@@ -270,7 +270,7 @@ FAMILIES: dict[str, Family] = {
     "blend": Family(
         "Weighted mean of a neural policy and a classical controller, which takes over where the error is large.",
         "Where the smallest error counts, worst episodes too.",
-        _STATION,
+        (*_STATION, *_TRACK),
         default="mpc",
         settings={
             "mpc": Setting(
@@ -278,6 +278,11 @@ FAMILIES: dict[str, Family] = {
                 "frontier",
                 parts={"shac-distilled/long": 0.55, "mpc": 0.45},
                 guard=(0.08, 0.15),
+            ),
+            "nmpc": Setting(
+                "tracking: 0.6 of `shac/long` and 0.4 of `nmpc`",
+                "frontier",
+                parts={"shac/long": 0.6, "nmpc": 0.4},
             ),
             "universal": Setting(
                 "0.3 of `universal` and 0.7 of `mpc`, on any scene", "by name", parts={"universal": 0.3, "mpc": 0.7}
@@ -307,9 +312,10 @@ class ControllerEntry(NamedTuple):
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """Tasks; of a residual policy the tasks of its base."""
-        base = self.setting.base
-        return self.family.tasks if base is None else CONTROLLERS[base].tasks
+        """Tasks; of a residual policy the tasks of its base, and of a mean those of all its parts."""
+        parts = (*self.setting.parts, *([] if self.setting.base is None else [self.setting.base]))
+        shared = [CONTROLLERS[part].tasks for part in parts] or [self.family.tasks]
+        return tuple(task for task in shared[0] if all(task in one for one in shared))
 
     def make(self, gains: Mapping[str, Any], env: Any = None, **options: Any) -> ClassicalController:
         """Make a classical controller with these gains and the setting's own."""
