@@ -1,9 +1,9 @@
 """Success of controllers on button and valve by the water's motion and the valve's friction, on the same seeds.
 
-    python training/manipulation.py --out docs/contact-results.json
+    python training/manipulation.py --out docs/_static/contact/manipulation.json
 
 The file keeps the results of conditions that are done, so that the same command goes on where it was interrupted.
-`--table` prints the tables of docs/contact-results.md from it.
+`--table` prints the tables of docs/environments/button.md and valve.md from it.
 """
 
 import json
@@ -25,6 +25,8 @@ from uvms_gym.cli.app import run
 from uvms_gym.cli.common import fail, line, progress, user_errors
 from uvms_gym.cli.options import ranged
 from uvms_gym.controllers import Controller
+from uvms_gym.controllers.families import is_learned
+from uvms_gym.controllers.registry import available, policies
 from uvms_gym.studies.records import circumstances
 from uvms_gym.training.evaluation import run_episodes
 
@@ -39,7 +41,7 @@ LEVELS: dict[str, tuple[str, dict[str, Any]]] = {
     "current": ("", {"disturbance": "current"}),
     "storm": ("-Storm", {}),
 }
-CONTROLLERS = ("resolved", "resolved-dob", "resolved-adaptive", "shac", "ppo")
+CONTROLLERS = ("resolved", "resolved-dob", "resolved-adaptive", "shac/tool", "blend/resolved-dob")
 #: Metrics at the end of an episode, with the quantiles over episodes that are stored.
 METRICS = ("time_to_success", "peak_force", "impulse", "angle", "slip", "travel")
 QUANTILES = (0.5, 0.95)
@@ -57,13 +59,18 @@ def conditions(levels: Sequence[str]) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def measure(env: str, options: dict[str, Any], name: str, episodes: int) -> dict[str, Any] | None:
-    """Results of a controller; None if none of this name fits."""
+def measure(env: str, options: dict[str, Any], name: str, episodes: int) -> list[dict[str, Any]]:
+    """Results of a controller, one for each training seed; none if there is no such controller."""
     envs = gymnasium.make_vec(env, num_envs=episodes, **options)
-    try:
-        controller: Controller = make_controller(name, envs)
-    except (ValueError, FileNotFoundError):
-        return None
+    if name not in available(envs):
+        return []
+    seeds = sorted(policies(envs)[name]) if is_learned(name) else [None]
+    return [_measure(envs, env, options, name, seed) for seed in seeds]
+
+
+def _measure(envs: Any, env: str, options: dict[str, Any], name: str, seed: int | None) -> dict[str, Any]:
+    controller: Controller = make_controller(name, envs, seed=seed)
+    episodes = envs.num_envs
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StepWarning)
@@ -74,6 +81,7 @@ def measure(env: str, options: dict[str, Any], name: str, episodes: int) -> dict
         "env": env,
         "options": options,
         "controller": name,
+        **({} if seed is None else {"training_seed": seed}),
         "episodes": episodes,
         "successes": successes,
         "interval": [interval.low, interval.high],
@@ -94,6 +102,12 @@ def level_of(result: dict[str, Any]) -> str:
     return "storm" if "-Storm" in result["env"] else options.get("disturbance", "calm")
 
 
+def label(result: dict[str, Any]) -> str:
+    """Controller of a result, with its training seed."""
+    seed = f", seed {result['training_seed']}" if "training_seed" in result else ""
+    return f"`{result['controller']}`{seed}"
+
+
 def cell(result: dict[str, Any]) -> str:
     """Success with its interval, %."""
     low, high = (100.0 * bound for bound in result["interval"])
@@ -107,7 +121,7 @@ def tables(results: list[dict[str, Any]]) -> str:
     for result in results:
         if "Button" in result["env"]:
             middle, high = result["peak_force"]
-            row = [level_of(result), f"`{result['options']['scene']}`", f"`{result['controller']}`", cell(result)]
+            row = [level_of(result), f"`{result['options']['scene']}`", label(result), cell(result)]
             row += [f"{result['time_to_success'][0]:.1f}", f"{middle:.0f}, 95 %: {high:.0f}"]
             row += [f"{result['impulse'][0]:.0f}", f"{100 * result['power']:.1f}"]
             lines.append("| " + " | ".join(row) + " |")
@@ -115,10 +129,10 @@ def tables(results: list[dict[str, Any]]) -> str:
         head = ["water", "controller", *(f"{torque:g} N m" for torque in TORQUES), "blocked"]
         lines += ["", f'`contract="{contract}"`:', "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
         chosen = [r for r in results if r["options"].get("contract") == contract]
-        for level, name in dict.fromkeys((level_of(r), r["controller"]) for r in chosen):
-            own = {r["options"].get("torque"): r for r in chosen if (level_of(r), r["controller"]) == (level, name)}
+        for level, name in dict.fromkeys((level_of(r), label(r)) for r in chosen):
+            own = {r["options"].get("torque"): r for r in chosen if (level_of(r), label(r)) == (level, name)}
             cells = [cell(own[torque]) if torque in own else "" for torque in (*TORQUES, None)]
-            lines.append("| " + " | ".join([level, f"`{name}`", *cells]) + " |")
+            lines.append("| " + " | ".join([level, name, *cells]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -151,10 +165,8 @@ def main(
         task = bar.add_task("episodes", total=len(work))
         for env, options, name in work:
             if json.dumps([env, options, name]) not in done:
-                result = measure(env, options, name, episodes)
-                if result is not None:
-                    stored["results"].append(result)
-                    write(out, json.dumps(stored, indent=1) + "\n")
+                stored["results"] += measure(env, options, name, episodes)
+                write(out, json.dumps(stored, indent=1) + "\n")
             bar.update(task, advance=1)
     line(str(out))
 

@@ -242,6 +242,7 @@ FAMILIES: dict[str, Family] = {
         settings={
             **_levels(_PRICES, ("medium",)),
             "long": Setting("from `ppo`, with a memory of 4 s: the smallest error at a limited effort", "frontier"),
+            "tool": Setting("for panels: trained in contact, in the storm", "by name"),
             "wide": _WIDE,
         },
     ),
@@ -270,7 +271,7 @@ FAMILIES: dict[str, Family] = {
     "blend": Family(
         "Weighted mean of a neural policy and a classical controller, which takes over where the error is large.",
         "Where the smallest error counts, worst episodes too.",
-        (*_STATION, *_TRACK),
+        (*_STATION, *_TOOL),
         default="mpc",
         settings={
             "mpc": Setting(
@@ -283,6 +284,11 @@ FAMILIES: dict[str, Family] = {
                 "tracking: 0.6 of `shac/long` and 0.4 of `nmpc`",
                 "frontier",
                 parts={"shac/long": 0.6, "nmpc": 0.4},
+            ),
+            "resolved-dob": Setting(
+                "panels: 0.3 of `shac/tool` and 0.7 of `resolved-dob`",
+                "by name",
+                parts={"shac/tool": 0.3, "resolved-dob": 0.7},
             ),
             "universal": Setting(
                 "0.3 of `universal` and 0.7 of `mpc`, on any scene", "by name", parts={"universal": 0.3, "mpc": 0.7}
