@@ -24,6 +24,7 @@ from uvms_gym import ControllerWarning, StepWarning, make_controller
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_known, line, progress, user_errors
 from uvms_gym.cli.options import ranged
+from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import Draws, Scores, interquartile_mean
 from uvms_gym.studies.records import circumstances, read_json, write_json
@@ -69,16 +70,8 @@ def classical(env: str) -> tuple[str, ...]:
     return TASKS[env.removeprefix("UVMS-").partition("-")[0]][1]
 
 
-def measure(env: str, scene: str, name: str, episodes: int) -> tuple[dict[str, Any], list[float]]:
-    """Means and tails of a controller over the held-out episodes, and the pose error of each, mm."""
-    options = {"scene": scene, **read_hyperparameters(env, algo="distill")["env_kwargs"]}
-    envs = gymnasium.make_vec(env, num_envs=episodes, **options)
-    task: str = envs.unwrapped.task  # type: ignore[attr-defined]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ControllerWarning)
-        warnings.simplefilter("ignore", StepWarning)
-        stats = run_episodes(envs, make_controller(name, envs), HELD_OUT, episode_steps(env, options))
-    envs.close()
+def figures(stats: RolloutStats, task: str) -> tuple[dict[str, Any], list[float]]:
+    """Means and tails over episodes, and the pose error of each, mm."""
     errors = 1e3 * pose_rms(stats, task)
     found = {
         "pose": interquartile_mean(errors),
@@ -92,6 +85,19 @@ def measure(env: str, scene: str, name: str, episodes: int) -> tuple[dict[str, A
     if task in ENDING:
         found["success"] = 100.0 * float(stats.last["success"].mean())
     return found, errors.tolist()
+
+
+def measure(env: str, scene: str, name: str, episodes: int) -> tuple[dict[str, Any], list[float]]:
+    """Means and tails of a controller over the held-out episodes, and the pose error of each, mm."""
+    options = {"scene": scene, **read_hyperparameters(env, algo="distill")["env_kwargs"]}
+    envs = gymnasium.make_vec(env, num_envs=episodes, **options)
+    task: str = envs.unwrapped.task  # type: ignore[attr-defined]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ControllerWarning)
+        warnings.simplefilter("ignore", StepWarning)
+        stats = run_episodes(envs, make_controller(name, envs), HELD_OUT, episode_steps(env, options))
+    envs.close()
+    return figures(stats, task)
 
 
 def train(env: str, scene: str, seed: int, folder: Path) -> tuple[Path, dict[str, Any]]:

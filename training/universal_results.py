@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
+from defaults import figures
 
 import uvms_gym
 from uvms_gym import MPC, PD, ControllerWarning, StepWarning, make_controller
 from uvms_gym.controllers.registry import PRETRAINED
 from uvms_gym.controllers.universal import UniversalPolicy
-from uvms_gym.studies.comparison.metrics import pose_rms
-from uvms_gym.studies.comparison.statistics import Draws, Scores, interquartile_mean
+from uvms_gym.studies.comparison.statistics import Draws, Scores
 from uvms_gym.studies.records import circumstances, read_json, write_json
 from uvms_gym.training.evaluation import run_episodes
 
@@ -52,17 +51,7 @@ def measure(scene: Any, make: Callable[[Any], Any]) -> tuple[dict[str, float], l
         envs = gymnasium.make_vec(ENV, num_envs=EPISODES, scene=scene)
         stats = run_episodes(envs, make(envs), HELD_OUT, STEPS)
     envs.close()
-    errors = 1e3 * pose_rms(stats, "station-keep")
-    found = {
-        "pose": interquartile_mean(errors),
-        "pose_95": float(np.quantile(errors, 0.95)),
-        "pose_999": float(np.quantile(errors, 0.999)),
-        "worst": float(errors.max()),
-        "power": 100.0 * float(stats.mean("power").mean()),
-        "variation": 1e3 * float(stats.mean("action_rate").mean()),
-        "diverged": float(stats.terminated.mean()),
-    }
-    return found, errors.tolist()
+    return figures(stats, "station-keep")
 
 
 def contenders(name: str, gains: Path | None, policy: UniversalPolicy) -> dict[str, Callable[[Any], Any]]:
