@@ -198,6 +198,10 @@ shac/free 0.005 0.01
 END
 distilled shac-distilled/still 0 dob/still 16 6000000 2.0 1.5
 distilled shac-distilled/free 0 dob/free 8 3000000 0.03 0.002
+# Panels, in contact.
+for seed in 0 1 2; do
+    policy shac/tool $seed UVMS-Button-Storm-v0 --algo shac -n 500000
+done
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
 policy residual/pd 0 $keep --base pd -n 3000000
 policy residual 0 $keep --base dob

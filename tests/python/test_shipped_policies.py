@@ -27,7 +27,7 @@ FILES = sorted([*PRETRAINED.glob("*/*/*/*.safetensors"), *MORE.glob("*/*/*/*.saf
 RESULTS = sorted(PRETRAINED.glob("*/*/*/results.json"))
 GAINS = sorted(PRETRAINED.glob("*/*/*/gains.json"))
 #: What learned policies are to beat, by task.
-BASE = {"UVMS-StationKeep": "pd", "UVMS-EETrack": "resolved"}
+BASE = {"UVMS-StationKeep": "pd", "UVMS-EETrack": "resolved", "UVMS-Button": "resolved"}
 
 
 def named(path: Path) -> str:
