@@ -94,6 +94,8 @@ def test_what_is_available_is_what_there_is_all_for(shipped: Path) -> None:
     assert list(available(scene=SMALL)) == classical
     assert list(available(**OPTIONS, action="thrusters")) == classical
     assert set(names()) > set(names("ee-track")) > {"none", "resolved", "ppo"}
+    # A mean is for the tasks of all its parts.
+    assert CONTROLLERS["blend"].tasks == ("station-keep",) and CONTROLLERS["blend/nmpc"].tasks == ("ee-track",)
 
 
 def test_a_controller_is_a_family_and_a_setting() -> None:

@@ -319,7 +319,7 @@ class ControllerEntry(NamedTuple):
     @property
     def tasks(self) -> tuple[str, ...]:
         """Tasks; of a residual policy the tasks of its base, and of a mean those of all its parts."""
-        parts = (*self.setting.parts, *([] if self.setting.base is None else [self.setting.base]))
+        parts = self.setting.parts or filter(None, [self.setting.base])
         shared = [CONTROLLERS[part].tasks for part in parts] or [self.family.tasks]
         return tuple(task for task in shared[0] if all(task in one for one in shared))
 
