@@ -55,9 +55,10 @@ proptest! {
     fn inertia_moves_as_a_form_of_the_adjoint(seed in any::<u64>()) {
         let random = &mut Random::new(seed);
         let m = definite(random);
-        let pose = pose_of(&random.rotation(), &random.vector(1.0));
-        let ad = adjoint(&pose).try_inverse().unwrap();
-        prop_assert!((dense(&packed(&m).to_parent(&pose)) - ad.transpose() * m * ad).amax() < 2e-14);
+        let (r, p) = (random.rotation(), random.vector(1.0));
+        // Of the inverse pose: a general inverse of the adjoint's matrix has more error than the tolerance in one of 10 000 cases.
+        let ad = adjoint(&pose_of(&r.transpose(), &(-r.transpose() * p)));
+        prop_assert!((dense(&packed(&m).to_parent(&pose_of(&r, &p))) - ad.transpose() * m * ad).amax() < 2e-14);
     }
 
     #[test]
