@@ -281,9 +281,9 @@ FAMILIES: dict[str, Family] = {
                 guard=(0.08, 0.15),
             ),
             "nmpc": Setting(
-                "tracking: 0.6 of `shac/long` and 0.4 of `nmpc`",
+                "tracking: half of `shac/long` and half of `nmpc`",
                 "frontier",
-                parts={"shac/long": 0.6, "nmpc": 0.4},
+                parts={"shac/long": 0.5, "nmpc": 0.5},
             ),
             "resolved-dob": Setting(
                 "panels: 0.3 of `shac/tool` and 0.7 of `resolved-dob`",
