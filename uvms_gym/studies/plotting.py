@@ -121,6 +121,13 @@ def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], 
             taken += [a + t * (b - a) for a, b in itertools.pairwise(corners) for t in np.linspace(0.0, 1.0, 40)]
     places = np.array(taken)
     boxes: list[Any] = []
+
+    def nearest(box: Any, at: Any) -> tuple[float, bool]:
+        """Distance from the text to its point, and whether another point of `points` is about as near."""
+        distances = [float(np.hypot(*(np.clip(p, box.min, box.max) - p))) for p in (at, *places[: len(points)])]
+        near = [d < distances[0] + 5.0 * em for d in distances[1:]]
+        return distances[0], sum(near) > 1
+
     for x, y, name, colour in sorted(points, key=lambda point: (point[1], point[0])):
         at = axes.transData.transform((x, y))
         arrow = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 2.0}
@@ -139,6 +146,7 @@ def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], 
             box = Bbox([middle - half, middle + half])
             inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
             hidden = int((np.abs(places - middle) < half).all(axis=1).sum())
+            hidden += nearest(box, at)[1]
             cost = away + 8.0 * hidden + 1e6 * sum(box.overlaps(other) for other in boxes) + (0.0 if inside else 1e4)
             if best is None or cost < best[0]:
                 best = cost, middle, box
@@ -146,4 +154,5 @@ def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], 
         _, middle, box = best
         boxes.append(box)
         note.set_position(tuple((middle - at) / em))
-        note.arrow_patch.set_visible(np.hypot(*(np.clip(at, box.min, box.max) - at)) > 6.5 * em)
+        distance, mistaken = nearest(box, at)
+        note.arrow_patch.set_visible(mistaken or distance > 6.5 * em)
