@@ -13,6 +13,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -87,6 +88,7 @@ def figures(stats: RolloutStats, task: str) -> tuple[dict[str, Any], list[float]
     return found, errors.tolist()
 
 
+@cache
 def measure(env: str, scene: str, name: str, episodes: int) -> tuple[dict[str, Any], list[float]]:
     """Means and tails of a controller over the held-out episodes, and the pose error of each, mm."""
     options = {"scene": scene, **read_hyperparameters(env, algo="distill")["env_kwargs"]}
