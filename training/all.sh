@@ -91,6 +91,10 @@ for name in resolved resolved-pid resolved-dob resolved-dob/still resolved-dob/c
     tune $name UVMS-EETrack-Storm-v0
 done
 tune resolved-dob/informed UVMS-EETrack-Storm-v0
+for name in resolved resolved-dob; do
+    tune_scene $name bluerov2-heavy-alpha5-tool UVMS-Valve-Storm-v0 \
+        --generations 12 --population 14 --episodes 48 --finals 256
+done
 tune resolved-dob/wide UVMS-EETrack-Wide-v0
 tune resolved-adaptive UVMS-EETrack-Wide-v0
 
