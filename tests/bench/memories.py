@@ -1,4 +1,4 @@
-"""What a policy's memory is worth: python tests/bench/memories.py [EPISODES [STEPS]] (extra train; 15 minutes).
+"""Worth of a policy's memory: python tests/bench/memories.py [EPISODES [STEPS]] (extra train; 15 minutes).
 
 MPC keeps station in the storm, and networks learn by regression what MPC would do with perfect sensors, from what a
 policy may see: stacked observations, averages of older ones, the state of MPC's observer (errors of the pose, twist,
