@@ -19,7 +19,7 @@ from uvms_gym.studies.comparison import plots as comparison
 from uvms_gym.studies.hard_cases import plots as hard_cases
 from uvms_gym.studies.identification import plots as identification
 from uvms_gym.studies.paper import plots as paper
-from uvms_gym.studies.plotting import legend_above, picture
+from uvms_gym.studies.plotting import label_points, legend_above, picture
 from uvms_gym.viewer.curves import CURVES
 
 STORED = [
@@ -241,3 +241,16 @@ def test_replays_and_intervals_are_sharp(drawn: Any, count: int) -> None:
     identification.plot_intervals(Path("x.png"), fit)
     for figure, dpi in drawn:
         assert figure.get_figwidth() * dpi >= 800
+
+
+def test_a_name_as_near_to_another_point_is_joined_to_its_own(tmp_path: Path) -> None:
+    with picture(tmp_path / "names.png", 3.0, 3.0) as figure:
+        axes = figure.subplots()
+        axes.set(xlim=(0.0, 100.0), ylim=(0.0, 100.0))
+        label_points(axes, [(50.0, 50.0, "one", "black"), (52.0, 50.0, "other", "black"), (10.0, 10.0, "far", "black")])
+        notes: Any = axes.texts
+        assert {note.get_text(): note.arrow_patch.get_visible() for note in notes} == {
+            "one": True,
+            "other": True,
+            "far": False,
+        }
